@@ -11,7 +11,9 @@ import pytest
 from xdist.scheduler import LoadFileScheduling
 
 from pneudrive.cli.main import run
+from pneudrive.report.page import Report
 from pneudrive.studies.bracha import reproduction
+from pneudrive.views import ShownFigure
 
 ROOT = Path(__file__).resolve().parents[1]
 #: Files whose tests look at the study: on one worker, for each worker makes what a session shares for itself.
@@ -121,14 +123,34 @@ class Reproduced:
     folder: Path
 
 
+@contextlib.contextmanager
+def without_pictures():
+    """Leave the pictures of reports empty."""
+
+    def draw(report, folder=None):
+        blocks = [block for part in report.sections for block in part.blocks if isinstance(block, ShownFigure)]
+        report.pictures |= {block.name: "<svg></svg>" for block in blocks}
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Report, "draw", draw)
+        yield
+
+
 @pytest.fixture(scope="session")
 def reproduced(demonstration, tmp_path_factory):
-    """Return a run of `pneudrive reproduce` into a folder that holds the campaigns of the demonstration."""
+    """Return a run of `pneudrive reproduce` beside the campaigns of the demonstration, which drew the same pictures."""
     folder, out = tmp_path_factory.mktemp("reproduced") / "out", io.StringIO()
     shutil.copytree(demonstration.folder / reproduction.FOLDER, folder / reproduction.FOLDER)
-    with contextlib.redirect_stdout(out):
+    with contextlib.redirect_stdout(out), without_pictures():
         status = run(["reproduce", "--out", str(folder)])
     return Reproduced(status, out.getvalue(), folder)
+
+
+@pytest.fixture(scope="module")
+def undrawn():
+    """Write reports with empty pictures, for tests of words and numbers: drawing takes half the time of a report."""
+    with without_pictures():
+        yield
 
 
 @pytest.fixture

@@ -33,7 +33,7 @@ class Pneu:
     Parameters
     ----------
     run : xarray.Dataset
-        From `pneudrive.simulate`, or read from its file.
+        Run of `pneudrive.simulate`, or run read from a file.
     """
 
     def __init__(self, run: xr.Dataset) -> None:
@@ -71,7 +71,7 @@ class Pneu:
         for unit in wanted:
             if not isinstance(unit, str):
                 remedy = 'Write for instance run.pneu.to("bar", "mm").'
-                raise CommandError(f"the unit {unit!r} is not a text", remedy=remedy)
+                raise CommandError(f"the unit {unit!r} is not a string", remedy=remedy)
             before = len(changed)
             for name, values in columns.items():
                 try:
@@ -82,8 +82,8 @@ class Pneu:
                 changed[str(name)] = xr.DataArray(shown, dims=values.dims, attrs={**values.attrs, "units": unit})
             if len(changed) == before:
                 raise CommandError(
-                    f'no column of this run is converted to "{unit}"',
-                    rule=f"a unit of {', '.join(sorted({_si(column) for column in columns.values()}))}",
+                    f'no column of this run can be converted to "{unit}"',
+                    rule=f"a unit that converts to {', '.join(sorted({_si(column) for column in columns.values()}))}",
                 )
         return self._run.assign(changed)
 
@@ -111,8 +111,8 @@ class Pneu:
     def view(self, drive: Drive | Circuit | None = None) -> View:
         """Return plot and key figures of a run: stroke times, impacts, air consumption, peak pressures, warnings.
 
-        Other data sets have other contents. Controlled run: score. Characteristic: results. Ensemble: spread of the
-        outputs. Sensitivity: effect of each input. Friction map: curves and flags.
+        Other data sets have other views: the score of a controlled run, the results of a characteristic, or the spread
+        of the outputs of an ensemble. A sensitivity has the effect of each input. A friction map has curves and flags.
 
         Parameters
         ----------
@@ -122,8 +122,8 @@ class Pneu:
         Returns
         -------
         View
-            ``rows`` has the values in SI. A stroke time runs from the command towards that end to the impact. It
-            requires ``attrs["command_steps"]``.
+            ``rows`` has the values in SI. A stroke time is the time from the command to the impact at the end. Stroke
+            times require ``attrs["command_steps"]``.
 
         Raises
         ------
@@ -145,7 +145,7 @@ class Pneu:
         return upper("view_of_run")(self._run, drive)
 
     def info(self, drive: Drive | Circuit | None = None) -> View:
-        """Return `view`.
+        """Return the same view as `view`.
 
         Examples
         --------
@@ -157,7 +157,7 @@ class Pneu:
         return self.view(drive)
 
     def strokes(self, drive: Drive) -> list[StrokeNumbers]:
-        """Return the numbers of each stroke. A stroke lasts from one change of the command to the next.
+        """Return times, speeds and peak pressures of each stroke, from one change of the command to the next.
 
         Parameters
         ----------
@@ -167,7 +167,7 @@ class Pneu:
         Returns
         -------
         list of StrokeNumbers
-            In the order of time, see `pneudrive.datasheet.strokes`. Without ``attrs["command_steps"]``, the time of a
+            In the order of time; see `pneudrive.datasheet.strokes`. Without ``attrs["command_steps"]``, the time of a
             command step is only known to within one sampling interval, `begin_within`.
 
         Raises
@@ -234,7 +234,7 @@ class Pneu:
         Returns
         -------
         dict of str to UnitFloat
-            Name of a balance, such as ``"cylinder: friction heat"`` -> energy, J, integrated with the motion.
+            Energy in J by name, such as ``"cylinder: friction heat"``. It is integrated together with the motion.
 
         Raises
         ------
@@ -250,7 +250,7 @@ class Pneu:
         """
         ledger = self._run.attrs.get("ledger")
         if not ledger:
-            raise CommandError("this run has no accounts of energy", remedy="Simulate with ledger=True.")
+            raise CommandError("this run has no energy balance", remedy="Simulate with ledger=True.")
         accounts = ledger["accounts"].items()
         return {
             name.removesuffix(_JOULE): units.UnitFloat(value, "J", "J")

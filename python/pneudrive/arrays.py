@@ -47,12 +47,12 @@ def by_name(names: Iterable[Name], values: Iterable[Value]) -> dict[Name, Value]
 
 
 def attributes_of(record: object, *names: str) -> Plain:
-    """Return some attributes of a record by their names."""
+    """Return the named attributes of a record as a dictionary."""
     return {name: getattr(record, name) for name in names}
 
 
 def rows_of(columns: Mapping[str, Array], rows: Bools | Ints | slice) -> Columns:
-    """Return some rows of columns."""
+    """Return the selected rows of each column."""
     return {name: column[rows] for name, column in columns.items()}
 
 

@@ -51,9 +51,9 @@ def in_advance(
     threads: int,
     ahead: int = 2,
 ) -> Iterator[Result]:
-    """Yield the result of each item in order, while threads work on the next ones: `ahead` items for each thread.
+    """Yield the result of each item in order, while threads work on the next ``ahead * threads`` items.
 
-    Use this for work that releases the interpreter lock: reading and hashing files, waiting for an answer.
+    Use this for work that releases the interpreter lock, such as reading and hashing files.
     """
     with ThreadPoolExecutor(threads) as pool:
         waiting = deque()
@@ -80,16 +80,16 @@ def share_out(
         A function of a module that returns a list with one result for each item.
     items : sequence
     *rest
-        Further arguments, equal for all.
+        Further arguments, the same in each call.
     least : int
-        Number of items below which starting processes costs more time than it saves.
+        Smallest number of items for which processes save more time than their start takes.
     processes : int, optional
-        None: one for each available processor, at most 8.
+        Number of processes. Default: one for each available processor, at most 8.
 
     Returns
     -------
     list
-        One result for each item, in their order.
+        One result for each item, in the order of the items.
     """
     affinity = hasattr(os, "sched_getaffinity")  # not known on every system
     available = len(os.sched_getaffinity(0)) if affinity else os.cpu_count() or 1

@@ -10,7 +10,7 @@ from typing import Any
 
 
 def parts_of(function: Callable[..., Any] | ModuleType, heading: str) -> tuple[str, dict[str, tuple[str, str]]]:
-    """Return the text of a docstring, and the entries below a heading: name -> form and meaning.
+    """Return the text of a docstring, and form and meaning of each entry below a heading.
 
     Parameters
     ----------

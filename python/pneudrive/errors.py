@@ -1,4 +1,4 @@
-"""Errors from the description to the result: one class for each source, one form of message for all."""
+"""Errors of all steps from the description to the result, with one form of message for all classes."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def shown(given: object, longest: int = LONGEST_QUOTE) -> str:
 
 @cache
 def package_table(module: str, name: str) -> dict[str, Any]:
-    """Return the tables of a TOML file in the folder of the module file `module`.
+    """Return the tables of the TOML file `name` in the folder of the file `module`.
 
     The file is read once, and all callers share its tables: do not change them.
     """
@@ -117,8 +117,8 @@ class PneudriveError(Exception):
         message : str
             Package and name of the message: ``"signals.no-motion"``.
         **values : object
-            Values of the placeholders in the message. ``where``, ``value``, ``rule`` and ``remedy`` are parts of the
-            error.
+            Values of the placeholders in the message. ``where``, ``value``, ``rule`` and ``remedy`` also become parts
+            of the error.
         """
         package, _, name = message.partition(".")
         parts = {part: text.format(**values) for part, text in messages(package)[name].items()}
@@ -145,7 +145,7 @@ class PneudriveError(Exception):
         return [self, *self.others]
 
     def turned(self, kind: type[Wrong]) -> Wrong:
-        """Return the same message as an error of another kind."""
+        """Return this error as an error of another class, with the same message."""
         return together([kind(e.what, **{part: getattr(e, part) for part in DETAILS}) for e in self.each()])
 
 
@@ -186,7 +186,7 @@ class Problems:
             self.add(error)
 
     def take(self, read: Callable[..., Any], *arguments: object, otherwise: Any = None) -> Any:  # noqa: ANN401
-        """Read a part and return it; on an error, keep the error and return `otherwise`."""
+        """Return the result of `read`. If it raises an error, keep the error and return `otherwise`."""
         with self.caught():
             return read(*arguments)
         return otherwise
@@ -204,13 +204,13 @@ class Problems:
 
 
 class DescriptionError(PneudriveError, ValueError):
-    """A drive description (file or Python) is not valid. It is a `ValueError`, so that pydantic collects it."""
+    """A drive description (file or Python) is not valid. The error is a `ValueError`, so that pydantic collects it."""
 
     key: str | None = None  # dotted name of the wrong key, by which a reader of the file finds the line
 
 
 def wrong(key: str, what: str, *, rule: str | None = None, remedy: str | None = None) -> DescriptionError:
-    """Return an error for one key, with rule and remedy; the reader of the file finds the line by ``error.key``."""
+    """Return an error for one key, with rule and remedy. The file reader uses ``error.key`` to find the line."""
     error = DescriptionError(what, rule=rule, remedy=remedy)
     error.key = key
     return error
@@ -226,7 +226,7 @@ def invalid(key: str, message: str, /, **values: object) -> DescriptionError:
 def within(
     error: DescriptionError, name: str, above: str = "", written: Callable[[str], str] = str
 ) -> DescriptionError:
-    """Return errors of a table as errors of the table that contains it.
+    """Return the errors of a table as errors of the table that contains this table.
 
     Parameters
     ----------
@@ -235,9 +235,9 @@ def within(
     name : str
         Key of the table, and its name in messages.
     above : str
-        Prefix of the key that messages leave out.
+        Prefix of the key. Messages do not show it.
     written : callable
-        Key of an error -> key as the user wrote it.
+        Function that returns the key as the user wrote it, for the key of an error.
     """
     out = []
     for one in error.each():
@@ -248,7 +248,7 @@ def within(
 
 
 class LayoutError(PneudriveError):
-    """A layout file, which describes the columns of a foreign recording, is not valid."""
+    """A layout file (description of the columns of a recording) is not valid."""
 
 
 class RecordingError(PneudriveError):
@@ -264,7 +264,7 @@ class SimulationError(PneudriveError):
 
 
 class OwnLawError(SimulationError):
-    """A custom controller raises an error or returns NaN. The run ends at this time."""
+    """A custom controller raised an error or returned NaN. The run ends at this time."""
 
 
 class FitError(PneudriveError):
@@ -276,7 +276,7 @@ class ProtocolError(PneudriveError):
 
 
 class RigError(PneudriveError):
-    """A rig cannot carry out a request: a fault, a limit, a lost connection."""
+    """A rig cannot carry out a request because of a fault, a limit or a lost connection."""
 
 
 class ConnectionLostError(RigError):
@@ -287,7 +287,7 @@ class ConnectionLostError(RigError):
 
 
 class CampaignError(PneudriveError):
-    """A campaign folder cannot be used: locked, read-only, disk full, not a campaign, or inconsistent files."""
+    """A campaign folder cannot be used: it is locked, read-only, full, not a campaign, or has inconsistent files."""
 
 
 class Cancelled(PneudriveError):  # noqa: N818 - not an error
@@ -320,9 +320,10 @@ def nearest(name: str, choices: Iterable[str]) -> str:
     "Did you mean 'stroke'? Known: bore, stroke."
     """
     known = sorted(choices)
-    close = get_close_matches(name, known, n=1, cutoff=0.5)
-    guess = f"Did you mean '{close[0]}'? " if close else ""
-    return f"{guess}Known: {', '.join(known)}."
+    small = {choice.lower(): choice for choice in known}
+    close = get_close_matches(name.lower(), small, n=1, cutoff=0.5)
+    guess = f"Did you mean '{small[close[0]]}'? " if close else ""
+    return f"{guess}Known: {', '.join(known) or 'none'}."
 
 
 @contextmanager

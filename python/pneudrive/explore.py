@@ -33,7 +33,7 @@ class Explorer:
     Attributes
     ----------
     changes : dict
-        Keys and values changed by the sliders, in the form of `replace`.
+        Keys and values that the sliders changed, in the form that ``Drive.replace`` takes.
     """
 
     def __init__(
@@ -64,7 +64,7 @@ class Explorer:
         Raises
         ------
         CommandError
-            If a slider is requested for something other than a number of the description.
+            If the key of a slider is not the key of a number in the description.
         """
         from pneudrive.web.drive.description import fields_of
 
@@ -73,7 +73,7 @@ class Explorer:
         for key in self._keys:
             if key not in free:
                 raise CommandError(
-                    f'"{key}" has no slider', rule="a number's key in the file", remedy=", ".join(list(free)[:20])
+                    f'"{key}" has no slider', rule="the key of a number", remedy=f"Known: {', '.join(list(free)[:20])}."
                 )
         names = self._keys or fields["sliders"]
         kept = ("key", "text", "number", "unit", "low", "high")
@@ -91,7 +91,7 @@ class Explorer:
             described = self._base.replace(changes) if changes else self._base
             done = run(described, self._command, self._duration, initial=self._initial, watch=Watch(cancel=RunLimit()))
         except Cancelled:
-            error: PneudriveError = CommandError("the run takes too long for a slider", remedy="Make it shorter.")
+            error: PneudriveError = CommandError("the run is too long for a slider", remedy="Reduce its duration.")
         except PneudriveError as wrong:
             error = wrong
         else:
@@ -113,7 +113,7 @@ class Explorer:
         return text_of(self._card())
 
     def _card(self) -> Card:
-        """Return the text for display without a live notebook: end of the run, and how to enable sliders."""
+        """Return the text for display without a live notebook: values at the end of the run, and how to get sliders."""
         found = self.simulate()
         ends = {name: one for name, one in found.data_vars.items() if name in ("position", "pressure_a", "pressure_b")}
         rows = [(str(name), f"{float(one[-1]):.6g} {one.attrs['units']}") for name, one in ends.items()]
@@ -162,18 +162,18 @@ def explore(
     command, duration, initial
         As for `pneudrive.simulate`. A run may take at most 2 s of computing time.
     sliders : str or sequence of str
-        Number or numbers of the description, such as ``"friction.coulomb"``; by default friction, supply and mass.
+        Keys of numbers in the description, such as ``"friction.coulomb"``. Default: friction, supply and mass.
 
     Returns
     -------
     Explorer
-        Its ``drive`` has the values of the sliders, and ``simulate()`` returns the displayed run. Without a browser, or
-        without ``pip install "pneudrive[notebook]"``, it shows itself as text.
+        ``drive`` has the values of the sliders, and ``simulate()`` returns the displayed run. Without a browser, or
+        without ``pip install "pneudrive[notebook]"``, the notebook shows text instead of sliders.
 
     Raises
     ------
     CommandError
-        If a slider is requested for something other than a number of the description.
+        If the key of a slider is not the key of a number in the description.
 
     Examples
     --------

@@ -1,7 +1,7 @@
-"""Figures as data: marks in panels on axes that name a quantity and a unit. Nothing here draws.
+"""Figures as data: panels with curves and other marks, on axes with quantity and unit. This module does not draw.
 
-All values are SI. An axis divides them by the size of its unit, so that a figure never multiplies by 1e3. A renderer
-for reports (`pneudrive.report.render`) and the page read the same figure.
+All values are in SI. An axis divides them by the size of its unit, so that figures need no conversion factors. The
+renderer for reports (`pneudrive.report.render`) and the page read the same figure.
 """
 
 from __future__ import annotations
@@ -63,17 +63,17 @@ def ramp(index: int, count: int) -> Look:
 
 @dataclass(frozen=True)
 class Axis:
-    """An axis.
+    """Label, unit, scale and range of an axis.
 
     Attributes
     ----------
     label : str
-        Quantity and unit, ``"position / mm"``. A label without a unit denotes a pure number.
+        Quantity and unit, ``"position / mm"``. A label without a unit is for a dimensionless quantity.
     scale : str
         ``"linear"``, ``"log"``, ``"wide"`` (logarithmic if the values differ by a factor above 3), or ``"far"``
-        (logarithmic to both sides if the largest values of its lines differ by a factor above 20).
+        (logarithmic on both sides of zero if the largest values of the lines differ by a factor above 20).
     low, high : float or None
-        Ends, SI. None: the range of the data.
+        Ends of the axis in SI. None: the ends of the data.
     below, above : float
         Room below and above the data, as a fraction of their range.
     names : sequence of str
@@ -119,7 +119,7 @@ class Axis:
 
 @dataclass(frozen=True)
 class Line:
-    """A curve; `width` in points, `steps` for values that hold until the next one."""
+    """A curve. `width` is in points. With `steps`, each value holds until the next one."""
 
     x: Numbers
     y: Numbers
@@ -132,7 +132,7 @@ class Line:
 
 @dataclass(frozen=True)
 class Band:
-    """The area between two curves. Without a look, it has the tint of predictions."""
+    """The area between two curves. Without a look, it has the colour of predictions."""
 
     x: Numbers
     low: Numbers
@@ -173,7 +173,7 @@ class Rule:
 
 @dataclass(frozen=True)
 class Bars:
-    """Bars at positions, or at the positions of the names of an axis; `across` for horizontal ones."""
+    """Bars at positions on an axis with or without names. `across` makes the bars horizontal."""
 
     at: Numbers
     values: Numbers
@@ -186,7 +186,7 @@ class Bars:
 
 @dataclass(frozen=True)
 class PenStroke:
-    """A part of a drawing, in its own lengths: a line, an area with `fill`, an arrow with `head`, or a text.
+    """A line, an area with `fill`, an arrow with `head`, or a text, in the coordinates of its drawing.
 
     Attributes
     ----------
@@ -196,7 +196,7 @@ class PenStroke:
     color, fill : str
         Names of colours; "" for no area.
     width, size : float
-        Width of a line and size of a text, points.
+        Width of a line and size of a text, in points.
     dash : sequence of float
         Lengths of dashes and gaps, in line widths; empty for a solid line.
     opacity, tint : float
@@ -204,7 +204,7 @@ class PenStroke:
     align : str
         Horizontal and vertical alignment of a text.
     head, cap : str
-        Head of an arrow, and end of a line.
+        Shape of the head of an arrow, and of the ends of a line.
     bold : bool
     """
 
@@ -225,7 +225,7 @@ class PenStroke:
 
 @dataclass(frozen=True)
 class Drawing:
-    """Pen strokes on paper with ranges `x` and `y`, without axes; `equal` for one scale in both directions."""
+    """Pen strokes in the ranges `x` and `y`, without axes. `equal` requires the same scale in both directions."""
 
     strokes: Sequence[PenStroke]
     x: tuple[float, float]
@@ -239,7 +239,7 @@ Mark: TypeAlias = Line | Band | Markers | Rule | Bars | Drawing
 
 @dataclass(frozen=True)
 class Panel:
-    """Marks on two axes. Axes without a label are those of the figure."""
+    """Marks on two axes. An empty axis stands for the axis of the figure."""
 
     marks: Sequence[Mark]
     title: str = ""
@@ -261,19 +261,19 @@ class Figure:
     columns : int
         Largest number of panels side by side.
     row_in, rest_in, width_in : float
-        Height of a row, height around all rows, and width, inch.
+        Height of each row, height added once for the margins, and width, in inches.
     share_x, share_y : str
-        "all", "col" or "row" for panels with equal ranges; "" if each panel has its own range.
+        "all", "col" or "row" for equal ranges in all panels, a column or a row; "" for a separate range in each panel.
     heights, widths : sequence of float
-        Ratios of rows and columns; empty for equal ones.
+        Ratios of the heights of rows and of the widths of columns. Empty: equal sizes.
     legend : str
-        "above" for one legend above all panels, "panel" for one in each, "inside" for one above the data of each,
-        "over" for one above each panel, "under" for one below a drawing, or "".
+        "above" for one legend above all panels, "panel" for one in each panel, "inside" for one in each panel above the
+        data, "over" for one above each panel, "under" for one below a drawing, or "".
     entries : int
         Largest number of legend entries side by side.
     title : str
     text_scale : float
-        Size of labels relative to the usual one.
+        Ratio of the size of the text to the usual size.
     has_margins : bool
         False for a drawing that fills its paper.
     tall : Panel or None
@@ -310,17 +310,17 @@ class Figure:
         return axis(panel.x or self.x), axis(panel.y or self.y)
 
     def data(self) -> dict[str, Any]:
-        """Return plain data for the page and for tests; values are in SI, axes have their unit and its size."""
+        """Return plain data for the page and for tests. Values are in SI. Each axis has a unit and the unit's size."""
         return plain_data(self)
 
 
 def axis(given: Axis | str) -> Axis:
-    """Return an axis, given as an axis or as its label."""
+    """Return the axis, or a linear axis with the given label."""
     return Axis(given) if isinstance(given, str) else given
 
 
 def label_of(quantity: str, unit: str) -> str:
-    """Return the label of an axis, with a unit that has a slash in parentheses.
+    """Return the label of an axis. A unit with a slash is written in parentheses.
 
     Examples
     --------
@@ -341,7 +341,7 @@ def stack(
     x: Axis | str = "time / s",
     **more: Any,  # noqa: ANN401 - fields of the figure
 ) -> Figure:
-    """Return a figure of panels below each other with a common x axis, of total height `height_in`."""
+    """Return a figure with a column of panels, a common x axis and the total height `height_in`."""
     return Figure(
         panels, x, row_in=height_in / max(len(panels), 1), rest_in=0.0, share_x="all", heights=heights, **more
     )
@@ -356,17 +356,17 @@ def banded(
     look: Look = MEASURED,
     width: float | None = None,
 ) -> list[Band | Line]:
-    """Return a curve with its band in one look."""
+    """Return a curve and its band with the same look."""
     return [Band(x, low, high, look=look), Line(x, y, label, look, width)]
 
 
 def thin(values: Any, most: int = 4000) -> slice:  # noqa: ANN401 - any sequence
-    """Return a slice of evenly spaced samples of a long record: fewer than 2 `most`."""
+    """Return a slice that selects evenly spaced samples of a long record, fewer than ``2 * most``."""
     return slice(None, None, max(len(values) // most, 1))
 
 
 def ends(estimates: Any, factor: float = 1.0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:  # noqa: ANN401
-    """Return values, lower bounds and upper bounds of estimates."""
+    """Return values, lower bounds and upper bounds of estimates, multiplied by `factor`."""
     import numpy as np
 
     rows = [(e.value, e.low, e.high) for e in estimates if e is not None]

@@ -1,4 +1,4 @@
-"""Lazy names of a package: each is imported at its first use, so that a command loads only the modules it needs."""
+"""Import of names of a package at their first use, so that a command loads only the modules that it needs."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _LOCK = RLock()
 
 
 def upper(name: str) -> Any:  # noqa: ANN401 - any function
-    """Return a function of an upper layer, for a method that forwards to this function; ``upper.toml`` lists them."""
+    """Return a function of an upper layer for a method that calls it. ``upper.toml`` lists these functions."""
     from pneudrive.errors import package_table
 
     homes = {own: module for module, names in package_table(__file__, "upper.toml").items() for own in names}
@@ -30,12 +30,12 @@ def lazily(package: str) -> Iterator[dict[str, str]]:
     Parameters
     ----------
     package : str
-        ``__name__`` of the package. Its modules keep their names.
+        ``__name__`` of the package. Its modules are also imported at their first use.
 
     Yields
     ------
     dict
-        Name -> its module, complete after the block.
+        Module of each name. The dictionary is complete after the block.
     """
     homes: dict[str, str] = {}
     bound: list[str] = []  # also modules of the package itself

@@ -25,7 +25,7 @@ def with_interval(e: Any, factor: float = 1.0, unit: str | None = None) -> str: 
 
 
 def with_u(value: float, expanded: float, unit: str = "N") -> str:
-    """Write a value with its expanded uncertainty, rounded to two digits.
+    """Write a value with its expanded uncertainty. Both are rounded to two digits of the uncertainty.
 
     Examples
     --------
@@ -67,7 +67,7 @@ def plain(value: float, digits: int = 3) -> str:
 
 
 def fixed(value: float, decimals: int) -> str:
-    """Write a number with fixed decimals, never "-0.0".
+    """Write a number with a fixed number of decimals, never as "-0.0".
 
     Examples
     --------
@@ -78,7 +78,7 @@ def fixed(value: float, decimals: int) -> str:
 
 
 def duration(seconds: float) -> str:
-    """Return a duration in everyday words.
+    """Write a duration in days, hours, minutes or seconds, with at most two of these units.
 
     Examples
     --------

@@ -49,7 +49,7 @@ def load(source: str, kind: ErrorKind, expected: str | None = None) -> Callable[
     Raises
     ------
     PneudriveError
-        An error of `kind`: the file, module or name does not exist, or its code fails. The message gives file and line.
+        An error of `kind`: the file, module or name does not exist, or the code fails. The message gives file and line.
     """
     module, name = split(source) or (source, "")
     is_file = module.endswith(".py")
@@ -102,7 +102,7 @@ def load_allowed(
         )
     if allowed.strip().lower() != there:
         raise kind(
-            "the code differs from the allowed one",
+            "the code differs from the allowed code",
             where=module,
             value=f"SHA-256 {there}",
             rule=f"--allow-code {allowed}",

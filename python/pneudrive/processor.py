@@ -22,7 +22,7 @@ def require() -> None:
     Raises
     ------
     ImportError
-        The x86-64 processor is too old. Other architectures are not checked.
+        If the x86-64 processor is too old. Other architectures are not checked.
     """
     info = Path("/proc/cpuinfo")
     if os.name != "posix" or os.uname().machine != "x86_64" or not info.exists():
@@ -32,6 +32,6 @@ def require() -> None:
     if absent := missing(head):
         msg = (
             f"pneudrive needs an x86-64-v3 processor (2013 or later); this one lacks {', '.join(absent)}.\n"
-            "    Build for it from source: set target-cpu in .cargo/config.toml to your processor, then `make setup`."
+            "    Build from source: set target-cpu in .cargo/config.toml to your processor, then run `make setup`."
         )
         raise ImportError(msg)

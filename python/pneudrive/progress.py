@@ -17,7 +17,7 @@ LEAST_PAUSE_S = 0.1  # the callback is called at most this often: no caller can 
 
 
 class Flag(Protocol):
-    """Protocol of a cancel flag: `threading.Event` and `multiprocessing.Event` are flags."""
+    """Protocol of a cancel flag, such as `threading.Event` or `multiprocessing.Event`."""
 
     def is_set(self) -> bool:
         """Return whether the call should end."""
@@ -33,7 +33,7 @@ class Watch:
         Called as ``progress(done, total, task)``, at most every 0.1 s and at the end of each task. `done` and `total`
         are counts or seconds of simulated time. `total` is 0 if unknown. `task` names the task.
     cancel : object with ``is_set()``, optional
-        For example a `threading.Event`. Once set, the call raises `Cancelled` at its next check.
+        For example a `threading.Event`. If the flag is set, the call raises `Cancelled` at its next check.
 
     Examples
     --------
@@ -77,7 +77,7 @@ class Watch:
             self._progress(done, total, task)
 
     def each(self, items: Iterable[T], task: str) -> Iterator[T]:
-        """Yield the items one by one, and report the number done."""
+        """Yield the items one by one, and report the number of finished items."""
         known = list(items)
         for i, item in enumerate(known):
             self.tell(i, len(known), task)

@@ -21,7 +21,7 @@ def entries() -> dict[str, str]:
 
 
 def bibtex(key: str) -> str:
-    """Return one entry.
+    """Return the BibTeX entry with this key.
 
     Raises
     ------

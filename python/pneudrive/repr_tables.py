@@ -42,7 +42,7 @@ class Shown:
     """Base of classes that show their card as ``repr`` and in a notebook."""
 
     def _card(self) -> Card:
-        """Return the card. Default: the lines of ``str`` with the first line as title, or otherwise the fields."""
+        """Return the card: by default, the lines of ``str``, or the fields of a class without ``__str__``."""
         if type(self).__str__ is not object.__str__:
             return card_of(str(self))
         values = {field.name: getattr(self, field.name) for field in fields(self) if field.repr}  # type: ignore[arg-type]
@@ -60,7 +60,7 @@ class Shown:
 
 
 def card_of(text: str) -> Card:
-    r"""Make a card of lines.
+    r"""Make a card from lines of text.
 
     The first line is the title. Lines with columns separated by two spaces are rows; other lines are notes.
 
@@ -105,7 +105,7 @@ def brief(value: object) -> str:
 
 
 def text_of(card: Card) -> str:
-    """Return a card as lines of text, columns aligned."""
+    """Return a card as lines of text with aligned columns."""
     card = _short(card)
     table = [row for row in (card.head, *card.rows) if row]
     lines = [aligned(table)] if table else []

@@ -19,9 +19,10 @@ from pneudrive.arrays import Array, ArrayPair, Columns, Keyed, Plain
 from pneudrive.campaign.planning.protocol import read_protocol
 from pneudrive.control.benchmarks import read_comparison
 from pneudrive.describe import Circuit, Drive
-from pneudrive.describe.all_values import values_of
+from pneudrive.describe.all_values import DescribedValue, values_of
 from pneudrive.describe.files import toml
 from pneudrive.describe.files.load import load_described
+from pneudrive.describe.tables.valve_flow import FLOW_KEYS
 from pneudrive.describe.tank import Tank
 from pneudrive.errors import CommandError, DescriptionError
 from pneudrive.estimate.estimates import whole_interval
@@ -44,7 +45,7 @@ from pneudrive.signals.layout import Layout
 from pneudrive.signals.load import NO_RECORDING, find_layout, load_recording
 from pneudrive.simulation.simulate import Run
 from pneudrive.simulation.trajectory import SUFFIXES, attributes, column_names, meaning, read_columns
-from pneudrive.sizing.result import SUMMARY, WRITTEN, SizingResult, in_words
+from pneudrive.sizing.result import SUMMARY, SizingResult, in_words
 from pneudrive.sizing.task import SizingTask
 from pneudrive.units import TABLE, in_unit, readable
 from pneudrive.validate.validation import CHANNELS
@@ -527,7 +528,7 @@ def compare_results(first: Any, second: Any, names: tuple[str, str] = ("before",
             value=f"{kinds[0]} and {kinds[1]}",
             rule="two drives, circuits, fits, maps, runs, sizings, validations, campaigns or ensembles",
         )
-    old, new = (_sides(each) for each in results)
+    old, new = (_sides(each, other) for each, other in (results, results[::-1]))
     nothing = ComparedValue()
     pairs = [_pair(key, old.get(key, nothing), new.get(key, nothing)) for key in {**old, **new}]
     different = tuple(p for p in pairs if (p.before, p.interval_before) != (p.after, p.interval_after))
@@ -542,13 +543,13 @@ def compare_results(first: Any, second: Any, names: tuple[str, str] = ("before",
     return ResultComparison(kinds[0], names, different, len(pairs) - len(different), shown, note)
 
 
-def _sides(result: Any) -> dict[str, ComparedValue]:  # noqa: ANN401 - any result
-    """Return the values of a result by key."""
+def _sides(result: Any, other: Any) -> dict[str, ComparedValue]:  # noqa: ANN401 - any results
+    """Return the values of a result by key, as far as possible by the keys of the other result."""
     if isinstance(result, Drive | Circuit):
         ends = {key: " … ".join(one.interval) for key, one in (getattr(result, "provenance", None) or {}).items()}
-        sides = {
-            v.key: ComparedValue(str(v.value), ends.get(v.key, ""), _number(str(v.value))) for v in values_of(result)
-        }
+        keys = {v.key for v in values_of(other)}
+        values = [_same_size(v, result, keys) for v in values_of(result)]
+        sides = {v.key: ComparedValue(str(v.value), ends.get(v.key, ""), _number(str(v.value))) for v in values}
         return sides | {f"connection {each}": ComparedValue("yes") for each in getattr(result, "connections", ())}
     view = view_of(result)
     rows = [row for row in view.rows if row.origin != "text"]
@@ -559,11 +560,22 @@ def _sides(result: Any) -> dict[str, ComparedValue]:  # noqa: ANN401 - any resul
         rows = [replace(row, interval=wide.get(row.key)) for row in rows]
     sides = {row.key: _side(row) for row in rows}
     if isinstance(result, SizingResult):  # a table of the view names the parts
-        sides |= {f"rank {k}.parts": ComparedValue(d.part_names) for k, d in enumerate(result.by_cylinder[:WRITTEN], 1)}
+        sides |= {f"rank {k}.parts": ComparedValue(d.part_names) for k, d in enumerate(result.by_cylinder, 1)}
         sides["verdict"] = ComparedValue(result.state)
         if result.miss:
             sides["nearest miss"] = ComparedValue(f"{in_words(result.miss.parts)}: {result.miss.limit}")
     return sides
+
+
+def _same_size(value: DescribedValue, described: Drive | Circuit, keys: set[str]) -> DescribedValue:
+    """Return the nominal flow, Kv or Cv of a path as its conductance, if the other description states that."""
+    path, _, last = value.key.rpartition(".")
+    kind = next((one for one in FLOW_KEYS[1:] if last.endswith(one)), last)
+    size = f"{last.removesuffix(kind)}conductance"
+    if kind == last or f"{path}.{size}" not in keys:
+        return value
+    number = described.circuit.components[path.removeprefix("components.")].core(0.0)["numbers"][size]
+    return value._replace(key=f"{path}.{size}", value=f"{1e8 * number:.4g} dm3/(s bar)")
 
 
 def _side(row: ShownValue) -> ComparedValue:
@@ -573,7 +585,9 @@ def _side(row: ShownValue) -> ComparedValue:
         return ComparedValue()
     size, ends = readable(row.unit)[0], row.interval
     if ends is None or not np.isfinite(ends).all():
-        return ComparedValue(f"{plain(row.value / size)} {row.usual_unit}".strip(), "", row.value)
+        last = row.quantity.rpartition(", ")[2]  # air of a cycle, l ANR
+        unit = row.usual_unit or (last if last.removesuffix(" ANR") in TABLE else "")
+        return ComparedValue(f"{plain(row.value / size)} {unit}".strip(), "", row.value)
     digits = places(0.5 * (ends[1] - ends[0]) / size)
     text, *bounds = (f"{value / size:.{digits}f}" for value in (row.value, *ends))
     return ComparedValue(f"{text} {row.usual_unit}".strip(), " … ".join(bounds), row.value)

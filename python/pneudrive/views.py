@@ -45,16 +45,16 @@ class ShownValue:
     label : str
         Name of the object to which the value belongs: the row of a table.
     quantity : str
-        The column of a table.
+        Name of the quantity: the column of a table.
     value : float or str
     unit : str
-        SI; "" for text and counts.
+        SI unit; "" for text and counts.
     interval : tuple of float or None
         Bounds of the 95 % interval, or value minus and plus U (k = 2).
     origin : str
         Source of the value: data, stated, assumed.
     limit : float or None
-        Limit of a leading value, SI. Values with equal numbers are equal, whatever their limits and states.
+        Limit of a leading value in SI. A comparison with ``==`` ignores limit and state.
     state : str
         Whether a leading value keeps its limit.
     """
@@ -96,12 +96,12 @@ class ShownValue:
 
     @property
     def usual_unit(self) -> str:
-        """Unit of the text."""
+        """Usual unit, in which `text` is written."""
         return readable(self.unit)[1] if self.unit else ""
 
     @property
     def limit_text(self) -> str:
-        """Limit in the usual unit, with its unit; "" without a limit."""
+        """Limit with its usual unit; "" without a limit."""
         size, unit = readable(self.unit)
         return "" if self.limit is None else f"{plain(self.limit / size)} {unit}".strip()
 
@@ -162,7 +162,7 @@ class ShownCurve:
 
 @dataclass(frozen=True)
 class Finding:
-    """A sentence on a result, its severity, and its remedy."""
+    """A sentence on a result, with severity and remedy."""
 
     text: str
     state: State = "good"
@@ -219,7 +219,7 @@ class SentValue:
 
     @classmethod
     def of(cls, shown: ShownValue) -> SentValue:
-        """Return a value as texts."""
+        """Return the value in the form for the data of a view."""
         about = (shown.key, shown.label, shown.quantity, shown.value, shown.interval, shown.text, shown.usual_unit)
         return cls(*about, shown.origin, shown.limit_text, shown.state)
 
@@ -314,7 +314,7 @@ class View(Shown):
     def __post_init__(self) -> None:
         """Sort the findings, and check the number of leading values."""
         if len(self.leading) > MOST_LEADING:
-            raise ValueError(f"{len(self.leading)} leading values, at most {MOST_LEADING}")
+            raise ValueError(f"a view has {len(self.leading)} leading values; at most {MOST_LEADING} are allowed")
         worst_first = sorted(self.findings, key=lambda finding: -STATES.index(finding.state))
         object.__setattr__(self, "findings", worst_first)
 
@@ -347,7 +347,7 @@ class View(Shown):
         ]
 
     def value_tables(self, without: Collection[ShownValue] = ()) -> list[HeadAndRows]:
-        """Return head and rows of the values, in one table for all labels with a common quantity."""
+        """Return head and rows of each table of values. Labels with a common quantity share a table."""
         quantities: dict[str, set[str]] = {}
         for value in self.rows:
             quantities.setdefault(value.label, set()).add(value.quantity)
@@ -361,7 +361,7 @@ class View(Shown):
         return [replace(self, rows=values).table() for _, values in groups if values]
 
     def curve_table(self) -> HeadAndRows:
-        """Return head and rows of the curves: the ranges of both axes, and the mean band."""
+        """Return head and rows of the curves: the ranges of both axes, and the mean half width of the band."""
         rows = []
         for curve in self.curves:
             (x_size, _), (size, _) = curve.units
@@ -414,7 +414,7 @@ class Viewed(Shown):
 
 
 class Reported(Viewed):
-    """Base of results whose report is the page of their view."""
+    """Base of results whose report is a page with their view."""
 
     def report(self, folder: str | Path) -> Path:
         """Write report.html, the page of the view, and its figures into an existing folder.

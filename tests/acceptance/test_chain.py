@@ -85,7 +85,7 @@ def moved(drive: pn.Drive, name: str, value: object) -> pn.Drive:
 
 
 @pytest.fixture(scope="module")
-def chain(tmp_path_factory):
+def chain(tmp_path_factory, undrawn):
     folder = tmp_path_factory.mktemp("chain")
     for name, text in (("rig.toml", rig_file()), ("protocol.toml", PROTOCOL), ("drive.toml", DRIVE)):
         (folder / name).write_text(text, encoding="utf-8")

@@ -5,9 +5,12 @@ from pathlib import Path
 
 import pytest
 
+import pneudrive as pn
 from oracle.campaigns import World, write_campaign
 from pneudrive.characterise import read_map
 from pneudrive.cli.main import run
+from pneudrive.errors import RecordingError
+from pneudrive.signals.load import recordings_in
 
 DATA = Path(__file__).resolve().parents[2] / "data" / "measurements" / "zillen-2021-pneumatic-piston"
 
@@ -19,14 +22,18 @@ def test_a_folder_of_recordings_is_all_files_that_its_layout_describes(tmp_path,
     (folder / "notes.md").write_text("two seals")
     for name in ("PK_1bar", "NAPN_1bar"):
         (folder / f"{name}.csv.xz").write_bytes((DATA / "friction" / f"{name}.csv.xz").read_bytes())
-    assert run(["characterise", str(folder), "--out", str(tmp_path / "out")]) == 0
-    assert read_map(tmp_path / "out" / "map.csv")["seal"].to_numpy().tolist() == ["NAPN", "NAPN", "PK", "PK"]
+    for name in ("layout.png", "photo.JPG", "sheet.pdf"):
+        (folder / name).write_bytes(b"\x89PNG\0")
+    assert run(["characterise", str(folder), "--out", str(folder)]) == 0
+    assert read_map(folder / "map.csv")["seal"].to_numpy().tolist() == ["NAPN", "NAPN", "PK", "PK"]
     said = capsys.readouterr().out
     for name in ("map.parquet", "map.csv", "effects.toml", "fit-NAPN.toml", "fit-PK.toml", "report.html"):
-        assert (tmp_path / "out" / name).stat().st_size > 500, name
+        assert (folder / name).stat().st_size > 500, name
         assert name in said
     assert "PK_1bar" in said
-    assert 'file = "map.parquet"' in (tmp_path / "out" / "fit-PK.toml").read_text()
+    assert 'file = "map.parquet"' in (folder / "fit-PK.toml").read_text()
+    # Results beside the recordings are no recordings of the next call.
+    assert [file.name for file in recordings_in(folder)] == ["NAPN_1bar.csv.xz", "PK_1bar.csv.xz"]
 
 
 def test_a_foreign_recording_by_way_of_a_proposed_layout(tmp_path, capsys):
@@ -49,6 +56,8 @@ def test_a_campaign_becomes_curves_effects_fit_and_report(tmp_path, printed):
     for name in ("map.parquet", "map.csv", "curves.parquet", "effects.toml", "fit.toml", "report.html"):
         assert (out / name).stat().st_size > 500, name
         assert name in said
+    with pytest.raises(RecordingError, match="not a friction map.*lacks recording"):
+        pn.load(out / "curves.parquet")
     assert "! Both" in said or "cannot be determined" in said  # equal pressures tell the sum only
     assert "Remedy:" in said
 
@@ -73,6 +82,8 @@ def test_what_is_no_campaign_is_one_message_and_status_2(tmp_path, refusal, monk
     ("arguments", "words"),
     [
         (["none.csv"], "no such file"),
+        (["empty_1bar.cvs", "--layout", "layout.toml"], "Did you mean empty_1bar.csv?"),
+        (["layout.toml", "--layout", "layout.toml"], 'a file of the kind "layout", not a recording'),
         (["empty_1bar.csv", "--layout", "layout.toml"], "the file is empty"),
         (["binary_1bar.csv", "--layout", "layout.toml"], "binary"),
         (["empty_1bar.csv", "--layout", "bad.toml"], "bad.toml:1"),

@@ -27,7 +27,7 @@ def test_a_circuit_file_is_simulated(tmp_path, printed):
 
 def test_commands_need_the_name_of_a_valve(refusal):
     for drive, commands, said in (
-        (EXAMPLE, ["0 s: 1"], "names no component of: valve_l, valve_r"),
+        (EXAMPLE, ["0 s: 1"], "must name one of: valve_l, valve_r"),
         (EXAMPLE, ["valv_l: 0 s: 1"], "Did you mean 'valve_l'?"),
         (EXAMPLE, ["valve_l: 0 s: 2"], "valve_l: command = 2 at 0 s"),
         (EXAMPLE, ["valve_l: 1", "valve_l: 0"], "two commands are given for valve_l"),

@@ -93,7 +93,9 @@ WRONG = {
     "record of no number": (["--reference", "nan.csv"], "sample 3 is not valid", "position_m = nan"),
     "record that goes back": (["--reference", "back.csv"], "sample 4 is not valid", "times must rise"),
     "unit": (["--reference", "sine 60 mm 0.5 kg around 250 mm"], '"kg"', "a frequency is needed"),
+    "a comma": (["--reference", "220 mm, 1 s: 280 mm in 0.3 s"], '"220 mm; 1 s: 280 mm', "semicolons"),
     "unknown law": (["--controller", "nmcp"], 'no law "nmcp"', "'nmpc'"),
+    "capitals": (["--law", "PID"], 'no law "PID"', "Did you mean 'pid'"),
     "unknown setup": (["--setup", "reel"], 'no setup "reel"', "'real'"),
     "duration": (["--duration", "-1 s"], "duration", "greater than 0"),
     "folder": (["--out", "nowhere/run.parquet"], "does not exist", "mkdir"),
@@ -109,6 +111,7 @@ FILES = {
     "no boolean": ('law = "nmpc"\nadaptation = "no"', "must be true or false", ":3"),
     "a gain in cycles": ('law = "nmpc"\n[gains]\nbandwidth = "10 Hz"', "counts cycles", "rad/s", ":4"),
     "own code": ('law = "mine.py:Law"', "this command or call does not allow", "--law mine.py:Law"),
+    "setup": ('law = "nmpc"\nsetup = "chaep"', "no setup", "'cheap'", ":3"),
     "another drive": ('law = "nmpc"\ndrive = "nowhere.toml"', "nowhere.toml", "no file"),
 }
 RECORDS = {
@@ -132,7 +135,7 @@ SETUPS = {
     "slow computer": ('[computer]\ntime = "2 ms"', "0.002 s", "shorter than the period"),
     "fault": ('[[faults]]\nkind = "stuck"\nat = "1 s"', "needs a channel", "pressure_a"),
     "unit of a fault": ('[[faults]]\nkind = "clock"\nat = "1 s"\nvalue = "3 mm"', "faults", "a time"),
-    "times fall": (FALLING, "1 s follows 2 s", "times rise"),
+    "times fall": (FALLING, "1 s follows 2 s", "times increase"),
     "switches": ('[switches]\nlow = "300 mm"\nhigh = "100 mm"', "switches.high = 100 mm", "above low = 300 mm"),
     "jitter of a sensor": ('[sensors.position]\njitter = "2 ms"', "sensors.position.jitter = 2 ms", "the period, 1 ms"),
     "jitter of the computer": ('[computer]\njitter = "1 ms"', "computer.jitter = 1 ms", "shorter than the period"),
@@ -179,6 +182,7 @@ REFUSED = {
                         'breather_conductance = "1 dm3/(s bar)"\nmoving_mass'},
         "cylinder is a cylinder/single-acting",
     ),
+    "slow": ({'delay = "1 ms"': 'delay = "2 s"'}, 'delay = "2 s"'),
 }  # fmt: skip
 
 
@@ -190,7 +194,7 @@ def test_a_drive_that_the_model_is_not_of_is_refused(case, tmp_path, refusal):
     for old, new in changes.items():
         text = text.replace(old, new)
     (tmp_path / "axis.toml").write_text(text)
-    refusal(["control", "tune", tmp_path / "axis.toml"], says)
+    refusal(["control", "tune", tmp_path / "axis.toml"], says, "axis.toml:")
 
 
 def test_limit_switches_are_about_the_stroke_and_the_reference(axis):
@@ -283,9 +287,9 @@ def test_what_has_no_effect_or_cannot_be_measured_is_told(tmp_path, capsys, prin
     assert run([*head, "--mismatch", "load-step"]) == 0
     said = capsys.readouterr()
     assert "disturbances: the entry at 6.2 s has no effect, because the run ends at 2.4 s" in said.err
-    assert "end at 11.01 bar abs, below the supply of 16 bar abs" in said.err
+    assert "ends at 11.01 bar abs, below the supply pressure of 16 bar abs" in said.err
     assert "! Lost: an error exceeded 20 mm." in said.out
-    assert "below the supply of 16 bar abs" in printed(["control", "tune", high, "--law", "inversion"])
+    assert "below the supply pressure of 16 bar abs" in printed(["control", "tune", high, "--law", "inversion"])
     assert run(["control", "run", str(AXIS), "--reference", STEP, "--law", "inversion"]) == 0
     assert "Note" not in capsys.readouterr().err
 

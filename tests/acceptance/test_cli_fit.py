@@ -122,6 +122,9 @@ def test_next_stops_are_a_protocol_that_the_rig_takes(folder, tmp_path, printed)
     ("arguments", "words"),
     [
         (["fit", "nothing.csv"], "there is no nothing.csv"),
+        (["fit", "{fit}"], 'a file of the kind "fit", not a recording or a friction map'),
+        (["report", "{map}"], "this is a table, not a fit"),
+        (["report", "{fit}", "--map", "{fit}"], "this is not a friction map"),
         (["fit", "{map}", "--laws", "stribek gaussian"], "Did you mean 'stribeck gaussian'"),
         (["fit", "{map}", "--pressure", "cubic"], "--pressure cubic is not known"),
         (["fit", "{map}", "--hold-out", "day"], "the friction map has no column 'day'"),
@@ -146,6 +149,7 @@ def test_a_page_of_a_fit_with_its_data_and_of_its_file(folder, tmp_path):
     call = ["fit", str(folder / "map.parquet"), "--laws", "stribeck gaussian", "--pressure", "linear"]
     assert run([*call, "--report", str(page), "--out", str(target)]) == 0
     fit = FrictionFit.from_toml(target)
+    assert ">mean friction, weighted<" in (page / "report.html").read_text("utf-8")
     assert run(["report", str(target), "--out", str(tmp_path / "again")]) == 0
     pages = [(where / "report.html").read_text("utf-8") for where in (page, tmp_path / "again")]
     row = next(row for row in fit.view().table()[1] if row[0] == "coulomb")

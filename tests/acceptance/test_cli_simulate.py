@@ -44,7 +44,7 @@ WRONG = {
     "unsorted command": (
         ["simulate", "drive.toml", "--command", "0 s: 1, 2 s: 0, 1 s: 1", "--duration", "1 s"],
         "1 s follows 2 s",
-        "times rise",
+        "times increase",
     ),
     "command too large": (
         ["simulate", "drive.toml", "--command", "0 s: 1.5", "--duration", "1 s"],
@@ -53,7 +53,7 @@ WRONG = {
     ),
     "outside the stroke": (
         ["simulate", "drive.toml", *GOOD, "--initial", "position = 101 mm"],
-        "lies outside the stroke",
+        "is outside the stroke",
         "100 mm",
     ),
     "unknown start": (
@@ -92,7 +92,7 @@ def test_a_wrong_file_names_its_line(folder):
     assert done.stderr == (
         "DescriptionError: cylinder.rod_diameter = 50 mm must be smaller than cylinder.bore = 32 mm.   drive.toml:7\n"
         '    rod_diameter = "50 mm"\n'
-        "    Hint: Were bore and rod swapped?\n"
+        "    Hint: Check whether bore and rod are swapped.\n"
     )
 
 

@@ -95,7 +95,7 @@ def test_export_of_a_drive_goes_to_the_terminal_or_a_file(bench, capsys, printed
         (["validate", "DRIVE", "RUN", "--window", "5 mm"], "--window"),
         (["validate", "DRIVE", "RUN", "MAP"], "cannot be validated together"),
         (["export", "DRIVE", "--to", "simscape"], "has no range of measured speeds"),
-        (["export", "DRIVE", "--to", "fmu"], "--out is missing: an FMU is a file"),
+        (["export", "DRIVE", "--to", "fmu"], "--out is missing: an FMU needs a file name"),
         (
             ["export", "DRIVE", "--to", "amesim", "--speeds", "1 mm/s .. 2 mm/s"],
             "the export to 'amesim' is not available",

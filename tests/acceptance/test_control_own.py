@@ -93,7 +93,7 @@ def test_a_controller_file_runs_code_that_the_user_allows(folder, refusal, monke
     allowed = own_code.sha256("mine.py:Law")
     assert run(_command("--controller", "own.toml", "--allow-code", allowed, out=Path("run.csv"))) == 0
     assert len(pl.read_csv("run.csv")) == 801  # at the file's period
-    refusal(_command("--controller", "own.toml", "--allow-code", "0" * 64), "differs from the allowed one")
+    refusal(_command("--controller", "own.toml", "--allow-code", "0" * 64), "differs from the allowed code")
     assert run(_command("--controller", "own.toml", "--law", "mine.py:Law")) == 0
 
 
@@ -228,9 +228,25 @@ def test_source_code_is_for_the_drive_that_is_named(tmp_path):
     assert _compiled(tmp_path, "left.c", "right.c").is_file()  # two axes in one program
 
 
+@needs_gcc
+@pytest.mark.parametrize("precision", ["double", "single"])
+def test_the_setup_of_a_controller_goes_into_its_file_its_code_and_its_example(tmp_path, precision, printed):
+    file = tmp_path / "cheap.toml"
+    printed(["control", "tune", str(AXIS), "--law", "inversion", "--setup", "cheap", "--out", str(file)])
+    told = ["control", "export", str(file), "--to", "c", "--out", str(tmp_path), "--precision", precision]
+    for more, name, has_pressures in (([], "cheap", False), (["--setup", "real"], "real", True)):
+        assert printed([*told, *more]).startswith(f"setup {name}\n")
+        header = (tmp_path / "pneudrive_inversion.h").read_text()
+        assert (f"setup {name};" in header, "pressure_a;" in header) == (True, has_pressures)
+        words = ["-std=c99", "-Wall", "-Wextra", "-pedantic", "-Werror", "-o", "example"]
+        subprocess.run(["gcc", *words, "example.c", "pneudrive_inversion.c", "-lm"], cwd=tmp_path, check=True)
+        lines = subprocess.run(["./example"], cwd=tmp_path, check=True, capture_output=True, text=True).stdout
+        assert lines.count("status 0\n") == 13
+
+
 def test_what_cannot_be_exported_is_said(tmp_path, refusal):
     for law, to, told, said in (
-        ("nmpc", "c", ["--drive", str(AXIS)], "nmpc cannot be exported"),
+        ("nmpc", "c", ["--drive", str(AXIS)], "--to fmu --reference"),
         ("pid", "c", ["--drive", str(AXIS), "--fmi", "3.0"], "--fmi has no effect with --to c"),
         ("pid", "c", [], "--drive"),
         ("pid", "ada", ["--drive", str(AXIS)], "ada"),

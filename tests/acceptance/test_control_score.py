@@ -91,7 +91,7 @@ def test_forces_of_a_setup_and_of_a_mismatch_add(axis):
 
 def test_a_wrong_pressure_sensor_that_is_not_there_is_no_deviation(axis):
     told = {"reference": STEP, "duration": "0.1 s", "setup": "cheap"}
-    with pytest.warns(PneudriveWarning, match="pressure_zero_pa has no effect, as the setup has no pressure sensors"):
+    with pytest.warns(PneudriveWarning, match="pressure_zero_pa has no effect: the setup has no pressure sensors"):
         found = pn.control.run(axis, "inversion", mismatch=Mismatch(pressure_zero="5 kPa", overlap=0.03), **told)
     assert found.attrs["deviations"] == {"overlap": 0.03}
 
@@ -251,7 +251,7 @@ WRONG = {
     "a.csv": ("time_s;position_m\n0,0;0,1\n", "Separate the columns of a CSV file by commas"),
     "b.csv": ("time_s,position_m\n0,0.1\n1,0.1\n1,0.2\n2,0.2\n3,0.2\n", "times"),
     "f.toml": (LIMITED.split("[limits]")[0] + '[[moves]]\nat = "1 s"\nto = "2 mm"\n', "duration is missing"),
-    "h.toml": (POINTS + '[[points]]\nat = "1 s"\nto = "1 mm"\n', "times rise"),
+    "h.toml": (POINTS + '[[points]]\nat = "1 s"\nto = "1 mm"\n', "times increase"),
     "o.toml": (
         POINTS + LIMITED[LIMITED.index("[limits]") : LIMITED.index("[[moves]]")],
         "limits have no effect",
@@ -479,7 +479,7 @@ def test_wrong_spreads_give_one_message(case, tmp_path, refusal, monkeypatch):
 
 
 WRONG_CALLS = {
-    "drive is a NoneType": lambda _: pn.control.tune(None),
+    "no drive is named": lambda _: pn.control.tune(None),
     "seed = '3' is not a whole number": lambda axis: pn.control.run(axis, "inversion", reference=STEP, seed="3"),
     "seed = -1 is out of bounds": lambda axis: pn.control.run(axis, "inversion", reference=STEP, seed=-1),
     "seeds = 2.0 is not a whole number": lambda axis: pn.control.benchmark(

@@ -40,7 +40,7 @@ def test_reproduce_says_of_each_sentence_whether_it_holds(reproduced, demonstrat
         assert f"figure {number}" in reproduced.printed
     verdicts = ("holds", "holds in part", "does not hold")
     assert [reproduced.printed.count(f"  {verdict}: ") for verdict in verdicts] == [16, 5, 1]
-    assert (reproduced.folder / "figures" / "paper-8-pressure.svg").is_file()
+    assert (demonstration.folder / "figures" / "paper-8-pressure.svg").is_file()
     cycles = sorted(path.relative_to(reproduced.folder) for path in reproduced.folder.glob("campaigns/*/cycles/*"))
     assert len(cycles) > 200
     for path in cycles:

@@ -5,6 +5,7 @@ from pathlib import Path
 
 from benches.quoted import quoted, speed_table
 from benches.record import renewed
+from pneudrive.control.mismatch import ready_mismatches
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -38,3 +39,8 @@ def test_no_page_repeats_the_time_of_a_peer():
     for page in (ROOT / "docs").rglob("*.md"):
         text = page.read_text(encoding="utf-8")
         assert not re.search(r"\d+\s+times[^.]{0,80}(odeint|LSODA|CVODE)", text), page
+
+
+def test_the_page_of_controllers_names_every_ready_mismatch():
+    text = (ROOT / "docs/guide/control.md").read_text(encoding="utf-8")
+    assert [name for name in ready_mismatches() if f"`{name}`" not in text] == []

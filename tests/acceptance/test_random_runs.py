@@ -100,7 +100,7 @@ def test_energy_that_does_not_close_is_told(monkeypatch):
         monkeypatch.setattr(simulate, "ENERGY_CLOSES", closes)
         monkeypatch.setattr(simulate, "ENERGY_RTOL", closes / ENERGY_CLOSES * ENERGY_RTOL)
         warnings = drawn.run().provenance["warnings"]
-        assert any("the energy balance is off by" in warning for warning in warnings) == told
+        assert any("the energy balance has an error of" in warning for warning in warnings) == told
 
 
 # --- The core at its default tolerance against the independent model on random drives (seeded).

@@ -120,7 +120,7 @@ NO_RAM = "a force in parallel that the layout lacks"
         ((('"psi abs"', '"psi gauge"'),), "read as gauge, but seem to be absolute"),
         ((('"psi abs"', '"bar abs"'),), "check the unit"),
         (TRADED, "seem to be swapped"),
-        ((('"lbf", positive = "+x"', '"lbf", positive = "-x"'),), "the force has the other sign"),
+        ((('"lbf", positive = "+x"', '"lbf", positive = "-x"'),), "the force has the wrong sign"),
         ((), NO_RAM),
     ],
 )

@@ -18,13 +18,13 @@ import pytest
 from pneudrive.cli.main import run as command
 from pneudrive.datasheet.strokes import stroke_numbers
 from pneudrive.describe.circuit import Circuit
-from pneudrive.errors import CommandError
+from pneudrive.errors import CommandError, DescriptionError
 from pneudrive.report.page import reference
 from pneudrive.sizing.checks import SAME_AIR, simulated
-from pneudrive.sizing.prune import SafeBounds, misfit
+from pneudrive.sizing.prune import SafeBounds, air_estimate_kg, misfit
 from pneudrive.sizing.result import SizingResult
 from pneudrive.sizing.search import size
-from pneudrive.sizing.strokes import DRAWN, RTOL, DriveStrokes, Setting, points, tune
+from pneudrive.sizing.strokes import DRAWN, RTOL, DriveStrokes, Setting, cycle_s, points, tune
 from pneudrive.sizing.task import SLOTS, SizingTask, choices, combined
 
 SMALL = ["parker*", "pneumax*", "smc-c[my]*", "ckd*", "festo-[dm]*", "smc-sy[79]*", "smc-tu0[46]*", "smc-tu1*"]
@@ -50,6 +50,21 @@ def test_a_number_that_is_infinite_is_read_back(found: SizingResult, tmp_path: P
     best = replace(found.ranked[0], air=math.inf)
     replace(found, ranked=(best, *found.ranked[1:])).save(tmp_path)
     assert SizingResult.load(tmp_path).ranked[0].air == math.inf
+
+
+def test_each_row_of_the_table_names_its_file(found: SizingResult):
+    """Twelve valves of one cylinder rank before another cylinder, which takes less air but has an open check more."""
+    parts = dict(found.best.parts)
+    first = [replace(found.best, parts=parts | {"valve": f"valve {k}"}) for k in range(12)]
+    other = replace(
+        found.best, parts=parts | {"cylinder": "other"}, air=0.5 * found.best.air, open_names=("hanging load",)
+    )
+    many = replace(found, ranked=(*first, other))
+    assert list(many.written) == [f"{k:02d}.toml" for k in (*range(1, 11), 13)]
+    view = many.view()
+    assert [row[0] for row in view.tables[0].rows] == ["01.toml", "13.toml"]
+    assert [row[3] for row in view.tables[0].rows][1] == "hanging load"
+    assert any(note.startswith("Less air, but further open checks (hanging load): other") for note in view.notes)
 
 
 def test_the_best_of_full_enumeration_is_found_and_margins_are_monotone(found: SizingResult):
@@ -198,7 +213,7 @@ def test_an_impossible_task_is_refused_with_the_nearest_possible_value_of_each_q
     assert found.miss is not None
     said = {one.partition(":")[0]: one for one in found.miss.possible}
     assert set(said) == {"time", "mass", "supply pressure"}
-    assert "no value alone" in said["time"]
+    assert "no value of this quantity alone" in said["time"]
     mass = float(said["mass"].partition("at most ")[2].partition(" kg")[0])
     for factor, is_left in ((0.99, True), (1.01, False)):
         changed = SizingTask(**task | {"mass": f"{factor * mass} kg"})
@@ -245,6 +260,34 @@ def test_a_task_is_written_and_read_again_with_its_energy_and_its_cold_room():
     task = SizingTask(**TASK | {"impact_energy": "500 mJ", "ambient": {"temperature": "-20 degC"}})
     assert (task.to_dict()["impact_energy"], task.temperatures_k) == ("0.5 J", pytest.approx((243.15, 268.15)))
     assert SizingTask(**task.to_dict()) == task
+
+
+def test_a_cycle_takes_the_time_that_the_cycles_of_an_hour_leave(found: SizingResult):
+    """In 6 s both sides fill: what is swept from nothing, what is dead from the ambient pressure."""
+    full = {}
+    for change in ({}, {"cycles_per_hour": 600}):
+        strokes, nominal = nominal_strokes(found.best.parts, SizingTask(**TASK | change))
+        setting = np.array([list(found.best.setting.values())])
+        air = sum(strokes.run(way, nominal, setting, rtol=1e-6).air[0] for way in (True, False))
+        swept, task = sum(strokes.choice.areas_m2) * 0.1, strokes.task
+        estimate = air_estimate_kg(strokes.choice.cylinder, strokes.choice.tube, task)
+        volumes = estimate + task.ambient.pressure_pa * swept / (287.05 * task.ambient.temperature_k)
+        full[cycle_s(task)] = air / volumes
+    short, whole = full.values()
+    assert [*full][1] == pytest.approx(6.0)
+    assert (whole, short < whole) == (pytest.approx(1.0, abs=0.03), True)  # still a little warm
+
+
+def test_a_fault_of_a_task_is_told_before_the_search():
+    lift = {"incline": "90 deg", "held_by": "clamp", "clamp_force": "19 N"}  # 2 kg weigh 19.6 N
+    for change, said in ((lift, "at least the 19.61 N"), ({"cycles_per_minute": 20}, "20 a minute are 1200 an hour")):
+        with pytest.raises(DescriptionError) as error:
+            SizingTask(**TASK | change)
+        assert said in str(error.value)
+    with pytest.raises(DescriptionError, match='pressure = "6 bar gauge"'):
+        SizingTask(**{key: value for key, value in TASK.items() if key != "supply"})
+    miss = size(TASK | {"time": "0.8 ms"}, **DRAWS).miss
+    assert (miss.limit, "0.0008 s allowed" in miss.gives) == ("time", True)  # type: ignore[union-attr]
 
 
 @pytest.mark.parametrize("most", [0, -3])
@@ -320,7 +363,8 @@ supply.pressure = "6 bar gauge"
     assert [row[1] for row in page.tables["Candidates that meet the task: the best of each cylinder"]] == [
         " + ".join(name for name in one["parts"].values() if name != "none") for one in ranked[:1]
     ]
-    ranges = {row[0]: row[1] for row in page.tables["Range of 98 % of the samples, and margin in brackets"]}
+    (table,) = (rows for caption, rows in page.tables.items() if caption.startswith("Range of 98 % of the samples, "))
+    ranges = {row[0]: row[1] for row in table}
     value, limit, _ = ranked[0]["worst"]["time out"]
     low, _, rest = ranges["time out, limit 0.35 s"].partition(" … ")
     assert rest == f"{value:.3g} ({100.0 * (1.0 - value / limit):.0f}\u00a0%)"

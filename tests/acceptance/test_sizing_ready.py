@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -19,8 +21,9 @@ from pneudrive.report.page import Paragraph, Report, Section
 from pneudrive.report.sizing import sizing_sheet
 from pneudrive.sizing import checks
 from pneudrive.sizing.result import SizingResult
-from pneudrive.sizing.search import size
-from pneudrive.sizing.task import SizingTask, choices
+from pneudrive.sizing.search import Search, size
+from pneudrive.sizing.strokes import Setting
+from pneudrive.sizing.task import NO_FLOW_CONTROL, DriveChoice, SizingTask, choices
 from pneudrive.views import ShownTable
 
 DRAWS: dict[str, Any] = {"draws": 16, "draws_best": 32}
@@ -30,6 +33,8 @@ SLOPE: dict[str, Any] = {
     "name": "slope",
     "mass": "8 kg",
     "stroke": "400 mm",
+    "max_stroke": "400 mm",
+    "end_speed": "3 m/s",
     "time": "0.6 s",
     "incline": "30 deg",
     "guide": "ball",
@@ -41,6 +46,8 @@ LIFT: dict[str, Any] = {
     "name": "lift",
     "mass": "15 kg",
     "stroke": "400 mm",
+    "max_stroke": "400 mm",
+    "end_speed": "3 m/s",
     "time": "1.2 s",
     "incline": "90 deg",
     "impact_energy": "5 J",
@@ -121,10 +128,16 @@ def test_a_choice_that_keeps_its_checks_ranks_before_one_of_less_air():
     """A peak of 19 bar in the smaller cylinder, whose sheet states no limit."""
     names = ["parker*", "pneumax*", "smc-c[5dmy]*", "smc-mg*", "ckd*", "festo-[gm]*", "smc-tu0[48]*", "smc-tu1*"]
     task = TRANSFER | {"mass": "5 kg", "time": "0.6 s", "impact_energy": "3 J", "guide": "ball", "incline": "90 deg"}
-    task |= {"held_by": "machine", "external_force": "100 N", "exclude": [*names, "smc-sy[79]*", "smc-cp96-[5681]*"]}
+    task |= {
+        "max_stroke": "100 mm",
+        "end_speed": "3 m/s",
+        "held_by": "machine",
+        "external_force": "100 N",
+        "exclude": [*names, "smc-sy[79]*", "smc-cp96-[5681]*"],
+    }
     found = size(task, **DRAWS)
     thrifty = found.ranked[-1]
-    assert (found.ready, thrifty.open_checks, thrifty.air < found.best.air) == (True, 1, True)
+    assert (found.ready, len(thrifty.open_names), thrifty.air < found.best.air) == (True, 1, True)
 
 
 def test_a_task_without_limits_keeps_the_rule_of_the_warning_about_impacts(monkeypatch):
@@ -150,9 +163,22 @@ def test_a_task_without_limits_keeps_the_rule_of_the_warning_about_impacts(monke
 
 def test_what_no_sheet_states_is_open_and_candidates_are_counted_once():
     found = size(TRANSFER | {"cycles": 5e6, "mass": "0.5 g"}, **DRAWS)
-    assert [check.name for check in found.open_checks] == ["side load", "energy at the end", "life", "mass"]
+    assert [check.name for check in found.open_checks] == ["side load", "speed", "energy at the end", "life", "mass"]
+    assert 'end_speed = "' in found.open_checks[1].finding.remedy
     assert [size[0] for size in unusual_sizes(SizingTask(**SLOPE | {"stroke": "1 um"}), USUAL)] == ["stroke"]
     assert f"{len(found.ranked)} meet the task" in found.extent
+    of = {slot: {one.name: one for one in parts} for slot, parts in choices(found.task).items()}
+    choice = DriveChoice(*(of[slot][name] for slot, name in found.best.parts.items()))
+    shut = replace(found.best, setting=Setting(needle_out=0.0365)._asdict())
+    assert set(checks.open_names(choice, found.task, shut)) - {*found.best.open_names} == {"opening of a needle"}
+    left, rule = Setting(needle_out=0.03), {"short": ("energy out", 3.2, 3.6), "air": 0.5 * found.best.air}
+    assert (left.is_shut(is_rough=True), Setting(needle_out=0.08).is_shut(is_rough=True)) == (True, False)
+    lost = SimpleNamespace(lost=True, settings=SimpleNamespace(**rule), cylinder="of less air")
+    search = SimpleNamespace(
+        candidates=[lost, lost], task=found.task, _candidate=lambda _: SimpleNamespace(choice=choice)
+    )
+    (energy,) = (one for one in Search._checks(search, [found.best]) if one.name == "energy at the end")  # type: ignore[arg-type]
+    assert energy.rule.endswith("this limit decides the bore: it excludes cylinders that take less air (1)")
     for time, is_kept in (("1 s", True), ("0.1 s", None)):  # the sheet of OSP-P carries its load up to 0.5 m/s
         task = SizingTask(**SLOPE | {"guide": "none", "time": time, "exclude": ["smc-cp*"]})
         kept = {one.name: next(checks.mechanical_checks(one, task)).is_kept for one in choices(task)["cylinder"]}
@@ -160,10 +186,52 @@ def test_what_no_sheet_states_is_open_and_candidates_are_counted_once():
     for stroke, is_kept in (("0.5 m", True), ("1 m", None), ("2 m", False)):  # 480 N on an assumed rod of 12 mm
         task = SizingTask(**SLOPE | {"stroke": stroke, "exclude": []})
         (rod,) = (one for one in choices(task)["cylinder"] if one.name == "smc-cp96-32")
-        assert [check.is_kept for check in checks.mechanical_checks(rod, task)] == [is_kept]
+        buckling, length = checks.mechanical_checks(rod, task)
+        assert (buckling.is_kept, length.name, length.is_kept) == (is_kept, "stroke", task.stroke_m <= 0.4)
     short = size(TRANSFER | {"guide": "ball"}, **DRAWS, most=1)
     assert not any("`most`" in note for note in short.notes)
     assert short.complete or "--max-candidates 2" in short.notes[0]
+
+
+def test_friction_that_pressure_adds_or_that_is_assumed_holds_no_load(tmp_path):
+    """12 kg hang at a cylinder of 320 N of friction at 6 bar. Without pressure, only a measured part of it holds."""
+    part = """kind = "cylinder/rodless"
+title = "Measured"
+[values]
+bore = { value = "63 mm", source = "sheet" }
+friction.coulomb = { value = "280 N", source = "sheet" }
+[sources.sheet]
+title = "measured without pressure"
+address = "here"
+date = "2026"
+"""
+    (tmp_path / "known.toml").write_text(
+        part.replace(
+            "[sources",
+            'friction.pressure.coulomb = { value = { a = "7 N/bar", b = "7 N/bar" }, source = "sheet" }\n[sources',
+        )
+    )
+    (tmp_path / "unknown.toml").write_text(part)
+    task = SizingTask(**SLOPE | {"mass": "12 kg", "incline": "90 deg", "exclude": ["smc*", "festo-d*", "pneumax*"]})
+    with pn.catalogue_folders(tmp_path):
+        found = {one.name: one for one in choices(task)["cylinder"]}
+    none = NO_FLOW_CONTROL
+    held = {
+        name: next(
+            one
+            for one in checks.machine_checks(DriveChoice(found[name], none, none, none), task, None)
+            if "hangs" in one.name
+        )
+        for name in ("parker-osp-p25", "parker-osp-p63", "unknown", "known")
+    }
+    assert [(one.is_kept, one.limit) for one in held.values()] == [
+        (False, pytest.approx(0.7 * 45.0)),
+        (None, None),
+        (None, None),
+        (True, pytest.approx(0.7 * 280.0)),
+    ]
+    assert held["parker-osp-p63"].value == pytest.approx((1.1 * 12.0 + 5.35) * 9.80665)
+    assert 'held_by = "clamp", clamp_force = "182 N"' in held["parker-osp-p63"].finding.remedy
 
 
 def test_a_severe_finding_is_never_folded_or_counted(capsys):

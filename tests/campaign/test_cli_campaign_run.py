@@ -101,7 +101,7 @@ def test_pause_resume_and_abort_by_the_command_line(folder, asked, capsys, print
         time.sleep(0.05)
     refusal(["campaign", "run", asked, "--out", folder], "another process works in this campaign folder")
     run(["campaign", "status", str(folder)])
-    assert f"in work by process {process.pid}" in capsys.readouterr().out
+    assert f"run by process {process.pid}" in capsys.readouterr().out
     assert "The campaign continues" in printed(["campaign", "resume", folder, "--operator", "eve"])
     assert "The campaign has ended" in printed(["campaign", "abort", folder])
     out, _ = process.communicate(timeout=60.0)

@@ -204,7 +204,7 @@ def test_pressures_that_are_not_measured_are_those_of_the_cycle(folder):
 
 def test_status_says_whose_samples_no_checksum_proves(folder):
     rewrite(Campaign.open(folder).files()[1])
-    assert "1 of 3 have no checksum" in str(status_of(folder).problems[0])
+    assert "1 of 3 files have no checksum" in str(status_of(folder).problems[0])
 
 
 def test_files_without_a_seal_give_the_same_samples(folder):

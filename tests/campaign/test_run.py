@@ -387,7 +387,7 @@ def test_a_force_near_the_limit_gives_the_cycle_up(tmp_path):
         return replace(part, force_n=part.force_n + (170.0 if key == "b1/sweep/v50/a0/b0/r1" else 0.0))
 
     rig = FakeRig(spoil=heavy)
-    assert "near the limit of 180 N" in failed(tmp_path / "c", rig, CampaignError, "was stopped 5 times")
+    assert "the limit is 180 N" in failed(tmp_path / "c", rig, CampaignError, "failed 5 times")
     assert rig.calls.count("closed") == 4 + 5
 
 

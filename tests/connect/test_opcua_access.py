@@ -155,7 +155,7 @@ def test_secrets_stay_secret(files, tmp_path):
         make_certificate(files, "server")
     (tmp_path / "password").write_text(PASSWORD)
     (tmp_path / "password").chmod(0o644)
-    with pytest.raises(RigError, match=r"(?s)others may read.*chmod 600"):
+    with pytest.raises(RigError, match=r"(?s)other users may read.*chmod 600"):
         access(tmp_path, URL).read_password()
     (tmp_path / "private").write_text(PASSWORD)
     (tmp_path / "private").chmod(0o600)
@@ -172,7 +172,7 @@ START = 'kind = "opc-ua"\nurl = "opc.tcp://127.0.0.1:1"\n'
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ('password = "x"', "a rig file contains no password itself"),
+        ('password = "x"', "a rig file must not contain a password"),
         ('user = "anna"', "a password is sent only over an encrypted connection"),
         ('certificate = "c.pem"', "needed together"),
         ('password_env = "SERVICE_TOKEN"', "only variables whose names begin with PNEUDRIVE_"),

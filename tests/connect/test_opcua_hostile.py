@@ -87,7 +87,7 @@ def test_the_stop_of_the_client_is_answered_beside(name, served, processes):
             rig.stop()
             at_rest(bench)
             thread.join()
-            assert "ended by another command of this program" in told[0]
+            assert "another command of this program ended" in told[0]
     rig.close()
     until(lambda: server.session is None)
 

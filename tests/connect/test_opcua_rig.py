@@ -163,7 +163,7 @@ def test_closing_an_acquisition_brings_the_axis_to_rest():
         parts = rig.acquire([Move(0.29, 0.02)], Sampling())
         next(parts)
         threading.Timer(0.3, rig.stop).start()  # from another thread, as on Ctrl-C
-        with pytest.raises(RigError, match="it was ended by another command of this program"):
+        with pytest.raises(RigError, match="another command of this program ended this command"):
             for _ in parts:
                 pass
         rig.home()
@@ -193,7 +193,7 @@ def test_no_server_and_a_map_that_does_not_fit(served, tmp_path):
         (text.replace("urn:pneudrive:rig", "urn:other"), "no namespace urn:other"),
         (text.replace("done =", "finished ="), r"(?s)answer.finished is not a known key.*nodes.toml:\d+.*Known: done"),
         (text.replace('done = "s=', 'done = "'), "is not a node id"),
-        (text.replace("Samples.{slot}.Time", "Samples.Time"), "ids of nodes of the ring contain"),
+        (text.replace("Samples.{slot}.Time", "Samples.Time"), "only ids of nodes of the ring contain"),
         (text.replace('"s=State.Force"', '{ node = "s=State.Force", unit = "mm" }'), "state.force: .*is a length"),
         (text.replace('"s=State.Force"', '{ constant = "1 N" }'), "cannot be a constant"),
         (text.replace('heartbeat = "1 s"', 'heartbeat = "1"'), "handshake.heartbeat: .*no unit"),

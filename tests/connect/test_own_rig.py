@@ -48,7 +48,7 @@ MISTAKES = [
     ("def make_rig():\n    return 1 / 0", "make_rig", r"ZeroDivisionError: division by zero\.   .*own.py:2"),
     ("import no_such_driver", "make_rig", r"No module named 'no_such_driver'\.   .*own.py:1"),
     ("def make_rig(:", "make_rig", r"SyntaxError.*own.py:1"),
-    ("class Bench:\n    def home(self): ...", "Bench", "it lacks identity, limits, state, set_pressure, move"),
+    ("class Bench:\n    def home(self): ...", "Bench", "missing methods: identity, limits, state, set_pressure, move"),
 ]
 
 
@@ -112,7 +112,7 @@ def test_a_folder_never_decides_what_is_imported(tmp_path, monkeypatch, capsys, 
     assert "not the allowed code" in resume("--allow-code", "0" * 64, rig=own)
     evil_code = sha256((tmp_path / "evil.py").read_bytes()).hexdigest()
     assert "not the allowed code" in resume("--allow-code", code, rig=evil, made_with=evil_code)
-    assert "differs from the allowed one" in resume("--allow-code", code, rig=evil)
+    assert "differs from the allowed code" in resume("--allow-code", code, rig=evil)
     # a compiled copy beside the file is of whoever made it, and modules beside it have no hash
     cache = tmp_path / "__pycache__"
     cache.mkdir()

@@ -23,12 +23,12 @@ BORE, ROD, STROKE, DEAD, HEAT = 0.032, 0.012, 0.2, 5e-6, 30.0
 FRICTION = network.Friction(25.0, 35.0, 0.02, 60.0, 2e5, 300.0)
 AREAS = np.array([0.25 * np.pi * BORE**2, 0.25 * np.pi * (BORE**2 - ROD**2)])
 PERIMETERS = np.pi * np.array([BORE, BORE + ROD])
-TIMES = (0.0, 0.02, 0.04, 0.06)
+TIMES = (0.0, 0.015, 0.03, 0.045)
 COMMANDS = np.array([
     [0.30, -0.20, 0.0], [0.20, -0.05, 0.0], [0.25, -0.25, 0.0], [0.22, -0.1, 0.0], [0.28, -0.15, 0.0], [0.24, -0.2, 0.0]
 ])  # fmt: skip
 START = (4e5, 3.5e5)
-SAMPLES = np.linspace(0.0, 0.06, 13)
+SAMPLES = np.linspace(0.0, TIMES[-1], 10)
 
 
 def machine(kind: str) -> platforms.Machine:

@@ -18,6 +18,7 @@ from pneudrive.describe.files.catalogue import find_parts
 from pneudrive.describe.tables.geometry import piston_areas
 from pneudrive.errors import DescriptionError, PneudriveWarning
 from pneudrive.references import bibtex
+from pneudrive.sizing.task import SizingTask, choices
 
 DRIVES = [name for name, e in catalogue.entries().items() if e.is_drive]
 PARTS = [e for e in catalogue.entries().values() if not e.is_drive]
@@ -222,6 +223,27 @@ def test_a_part_of_ones_own_takes_the_place_of_another(shelf):
     assert catalogue.entry("smc-sy3000").kind == "valve/switching-5/3"
 
 
+def test_a_law_in_one_value_is_read_alike_by_circuit_and_sizing_and_other_printed_keys_are_told(shelf):
+    law = (
+        '{ value = { law = "stribeck", coulomb = "25 N", breakaway = "35 N", viscous = "9 N s/m" }, assumed = "once" }'
+    )
+    text = PART.replace(
+        'friction.coulomb = { value = "9 N", source = "sheet", note = "printed as 0.9 kgf" }', f"friction = {law}"
+    )
+    assert law in text
+    (shelf / "ours.toml").write_text(text + '\n[printed]\nmax_impact_energy = { value = "1 J", assumed = "x" }\n')
+    task = {"mass": "1 kg", "stroke": "90 mm", "time": "1 s", "supply": {"pressure": "6 bar gauge"}}
+    with (
+        pn.catalogue_folders(shelf),
+        pytest.warns(PneudriveWarning, match="printed.max_impact_energy of ours.* Known: .*max_load"),
+    ):
+        made = next(one for one in choices(SizingTask(**task))["cylinder"] if one.name == "ours")
+    numbers = [made.numbers[f"friction.parameters.{key}"] for key in ("coulomb", "breakaway", "viscous")]
+    assert (numbers, "friction.coulomb" in made.assumed) == ([25.0, 35.0, 9.0], True)
+    with pn.catalogue_folders(shelf), pytest.warns(PneudriveWarning):
+        assert catalogue.part_table("catalogue:ours")["friction"]["coulomb"] == {"value": "25 N", "assumed": "once"}
+
+
 SHELF_FAULTS = {
     "both": (
         ('assumed = "ordered so"', 'assumed = "x", source = "sheet"'),
@@ -276,7 +298,7 @@ USE_FAULTS = {
         ('moving_mass = "1 kg"', 'kind = "tank"'),
         "kind = 'tank', but catalogue:ours is a cylinder/rodless",
         ":11",
-        "out",
+        "Remove kind",
     ),
     "left open": (('moving_mass = "1 kg"\n', ""), "left.moving_mass is missing", ":9", "a mass"),
     "own key": (('stroke = "90 mm"', 'strok = "90 mm"'), "left.strok is not a known key", ":12", "stroke"),

@@ -48,11 +48,11 @@ FAULTS = {
     ),
     "two volumes": (
         changed(('"tank -> valve_r.1",', '"tank -> valve_r.1",\n    "tank -> left.a",')),
-        ("tank and left.a are one joint but have a volume each", '"tank -> left.a"', "or one volume", "a fitting"),
+        ("tank and left.a are in one joint, but each has a volume", '"tank -> left.a"', "or one volume", "a fitting"),
     ),
     "short circuit": (
         changed(('"mains -> inlet', '"mains -> ambient",\n    "mains -> inlet')),
-        ("mains -> ambient without any restriction", '"mains -> ambient"', "at most one fixed pressure", "a fitting"),
+        ("mains -> ambient has no restriction", '"mains -> ambient"', "at most one fixed pressure", "a fitting"),
     ),
     "dangling": (
         changed(('    "valve_l.2 -> fc_lb -> left.b",\n', "")),
@@ -83,7 +83,7 @@ FAULTS = {
     "itself": (
         changed(('"tank -> valve_r.1",', '"tank -> valve_r.1",\n    "extra.1 -> extra.2",'))
         + f"[components.extra]\n{FITTING}",
-        ("extra connects joint {extra.1, extra.2} with itself", '"extra.1 -> extra.2"', "between two joints", ""),
+        ("extra connects joint {extra.1, extra.2} with itself", '"extra.1 -> extra.2"', "two different joints", ""),
     ),
     "no pressure": (
         changed(('"tank -> valve_r.1",', '"tank -> valve_r.1",\n    "one -> two -> one.1",'))
@@ -122,11 +122,11 @@ FAULTS = {
     ),
     "a template": (
         changed(("tank -> valve_l.1", "tank -> valve.1")),
-        ("valve is a table of copies", "tank -> valve.1", "", "Name one of them: valve_l, valve_r"),
+        ("valve is a table of copies", "tank -> valve.1", "", "Name a copy: valve_l, valve_r"),
     ),
     "a component without a port": (
         changed(("tank -> valve_l.1", "tank -> valve_l")),
-        ("valve_l has 5 ports, but the connection names none", '"tank -> valve_l"', "", "valve_l.1, valve_l.4"),
+        ("valve_l has 5 ports; the connection must name one", '"tank -> valve_l"', "", "valve_l.1, valve_l.4"),
     ),
     "units": (
         changed(
@@ -142,7 +142,7 @@ FAULTS = {
     ),
     "start": (
         changed(('left.b = "6 bar gauge"', 'left.b = "6 bar"\nright.c = "1 bar abs"'), ('"0 mm"', '"101 mm"')),
-        ("left.position = 101 mm lies outside the stroke", "101 mm", "left.stroke = 100 mm", ""),
+        ("left.position = 101 mm is outside the stroke", "101 mm", "left.stroke = 100 mm", ""),
         ('left.b: pressure "6 bar" does not state', 'left.b = "6 bar"', "absolute", '"6 bar abs"'),
         ("right.c is not a start value", "right.c", "", "right.a.pressure"),
     ),
@@ -153,7 +153,7 @@ FAULTS = {
     "plugs": (
         changed(("[components.mains]", 'plugged = ["valve_l.4", "tank", "x.1"]\n[components.mains]')),
         ("valve_l.4 is plugged, but also joined to valve_l.4, fc_la.1", "plugged", "", "Remove one of the two"),
-        ('"tank" is not a port', "plugged", "a plug shuts a port", ""),
+        ('"tank" is not a port', "plugged", "a plug closes a port", ""),
         ('there is no component "x"', "plugged", "", "Known: ambient"),
     ),
     "tables of a drive": (
@@ -166,13 +166,13 @@ FAULTS = {
         ),
         ('supply.pressure: pressure "3 bar" does not state', '"3 bar"', "absolute", '"3 bar abs"'),
         ("port supply.1 is not connected", "[supply]", "each port is joined", "Join it"),
-        ("[load] belongs to a [cylinder], but [cylinder] is missing", "[load]", "", "[components.NAME]"),
+        ("[load] belongs to a [cylinder]; missing: [cylinder]", "[load]", "", "[components.NAME]"),
         ("[tubing] belongs to a [cylinder] behind a [valve]", "[tubing]", "", "Add [valve] and [cylinder]"),
         (
-            'two components have the name "supply": [supply] has it already',
+            'two components have the name "supply"; the other one is [supply]',
             '"silencer"',
             "a different name",
-            "Rename it",
+            "Rename this component",
         ),
     ),
     "size": (
@@ -408,7 +408,7 @@ def test_the_check_valve_of_a_flow_control_has_the_name_of_before_too():
     one, other = (components.component(CONTROL | own) for own in (now, before))
     assert one == other
     assert other.to_dict()["check_nominal_flow"] == "60 l/min ANR"
-    with pytest.raises(DescriptionError, match="conductance and check_conductance are the same number"):
+    with pytest.raises(DescriptionError, match="conductance and check_conductance are two names of the same number"):
         components.component(CONTROL | dict.fromkeys(("conductance", "check_conductance"), "1 dm3/(s bar)"))
 
 

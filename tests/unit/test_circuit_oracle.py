@@ -217,7 +217,7 @@ def test_what_is_told_of_commands_and_starts():
     circuit = pn.Circuit(**DISCHARGE)
     with pytest.raises(CommandError, match="no component of the circuit takes a command"):
         circuit.simulate(1.0, "1 s")
-    with pytest.raises(CommandError, match="the initial state is a float"):
+    with pytest.raises(CommandError, match="the initial state has the type float"):
         circuit.simulate(None, "1 s", initial=1.0)
     with pytest.raises(pn.PneudriveError, match=r"tnak is not a start value"):
         circuit.start("tnak = 3 bar abs")

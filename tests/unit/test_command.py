@@ -27,8 +27,9 @@ def test_three_forms_of_one_command(tmp_path):
         (float("nan"), "'nan' is not a number"),
         (lambda t: 1.0 + t, "command = 1.5 at 0.5 s"),
         (lambda t: None, "command at 0 s: 'None' is not a number"),
-        (None, "the command is a NoneType"),
+        (None, "the command has the type NoneType"),
         ("0 s: 0.6, : 1", "has no time"),
+        ("0 s: 0,3", "a decimal point, not a comma"),
         ("0 mm: 0.6", "is a length"),
         ("1 s: 0.6", "begins at 1 s"),
         ("0 s: 0.6, 2 s: 0, 1 s: 1", "1 s follows 2 s"),
@@ -61,8 +62,8 @@ def test_a_number_holds_throughout_and_a_function_is_held_between_samples():
     [
         (b"", "is empty", None),
         (b"time_s;command\n0,0;0,5\n", r"(?s)the first line is 'time_s;command'.*by commas", 1),
-        (b"time_s,command\n", "holds no entries", None),
-        (b"time_s,command\n0,1\n1\n", "1 values instead of 2", 3),
+        (b"time_s,command\n", "has no entries", None),
+        (b"time_s,command\n0,1\n1\n", "the line has 1 values, not 2", 3),
         (b"time_s,command\n0,1\n1,\n", "command '' is not a number", 3),
         (b"time_s,command\n0,1\n2,0\n1,0\n", "1 s follows 2 s", 4),
         (b"\xff\xfe\x00", "is binary, not text", None),
@@ -101,7 +102,7 @@ def test_the_start_state():
         read_initial("positon = 50 mm")
     with pytest.raises(CommandError, match=r'Give \{"position": "50 mm"\}'):
         read_initial(0.05)
-    with pytest.raises(CommandError, match="is not key = quantity"):
+    with pytest.raises(CommandError, match="not have the form key = quantity"):
         read_initial("50 mm")
     with pytest.raises(CommandError, match="given twice"):
         read_initial("position = 50 mm, position = 60 mm")

@@ -159,7 +159,7 @@ def test_a_lock_starts_as_its_first_command_has_it():
 @pytest.mark.parametrize(
     ("points", "said"),
     [
-        ('[{ position = "0 mm", force = "10 N" }]', "press.points: 1 points"),
+        ('[{ position = "0 mm", force = "10 N" }]', "press.points: the number of points is 1"),
         ('[{ position = "9 mm", force = "1 N" }, { position = "8 mm", force = "1 N" }]', "8 mm follows 9 mm"),
         ('[{ position = "9 mm" }, { position = "8 mm", force = "1 N" }]', "point 1"),
         ('[{ position = "0 mm", force = 3 }, { position = "8 mm", force = "1 N" }]', "force of point 1: 3 has no unit"),

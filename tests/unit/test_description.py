@@ -108,10 +108,10 @@ WRONG = [
     ('"7 bar abs"', '"7 bar"', "does not state abs or gauge", '"7 bar abs" or "7 bar gauge"'),
     ('"1.013 bar abs"', '"0 bar gauge"', "ambient.pressure", "abs"),
     ('"7 bar abs"', '"-7 bar abs"', "supply.pressure", "greater than 0"),
-    ('"7 bar abs"', '"-2 bar gauge"', "supply.pressure is below vacuum", "gauge + ambient > 0"),
+    ('"7 bar abs"', '"-2 bar gauge"', "supply.pressure is below vacuum", "gauge pressure + ambient pressure > 0"),
     ('kind = "rodless"', 'kind = "through-rod"', "cylinder.rod_diameter is missing", "has a rod"),
     ('kind = "rodless"', 'kind = "rodless"\nrod_diameter = "5 mm"', "has no rod", "rod_diameter"),
-    ('kind = "rodless"', 'kind = "single-acting"', "is a component of circuits", "components.cylinder"),
+    ('kind = "rodless"', 'kind = "single-acting"', "exists only in circuits", "components.cylinder"),
     ('"2 kg"', '"nan kg"', "is not finite", "moving_mass"),
     ("ratio = 0.3", "ratio = 1.0", "valve.critical_pressure_ratio: 1.0 is out of bounds", "less than 1"),
     ("ratio = 0.3", 'ratio = "0.3"', "is not a number", "without unit and quotes"),
@@ -218,7 +218,7 @@ def test_the_start_lies_in_the_stroke():
     start = drive.core_initial(pn.Initial(pressure_a="2 bar gauge", temperature_b="30 degC"))
     assert start["pressure_a_pa"] == 301300.0
     assert start["temperature_b_k"] == 303.15
-    with pytest.raises(DescriptionError, match="lies outside the stroke"):
+    with pytest.raises(DescriptionError, match="is outside the stroke"):
         drive.core_initial(pn.Initial(position="501 mm"))
 
 

@@ -58,7 +58,7 @@ def test_both_evolutions_of_rate_and_state_slide_alike():
 @pytest.mark.parametrize(
     ("friction", "message"),
     [
-        (COMMON, "bristle_stiffness is missing.*or elements"),
+        (COMMON, "bristle_stiffness is missing.*or friction.elements"),
         (COMMON | {"elements": ELEMENTS, "bristle_stiffness": "1e5 N/m"}, "bristle_stiffness already follows from"),
         (COMMON | {"elements": ELEMENTS[:1]}, "has 1 entries.*\n?.*2 to 10"),
         (COMMON | {"elements": [ELEMENTS[0], ELEMENTS[0]]}, "add up to 0.3"),
@@ -66,7 +66,7 @@ def test_both_evolutions_of_rate_and_state_slide_alike():
         (ROCK | {"elements": ELEMENTS}, 'belongs to law "gms"'),
         (COMMON | {"bristle_stiffness": "1e5 N/m", "evolution": "slip"}, 'belongs to law "rate-and-state"'),
         (ROCK | {"evolution": "healing"}, "evolution"),
-        (ROCK | {"attraction": "2000 N/s"}, "not a known key.*\n?.*belongs to gms"),
+        (ROCK | {"attraction": "2000 N/s"}, "not a known key.*\n?.*Laws with this key: gms"),
         (COMMON | {"elements": 4}, r"is not a list.*\n?.*elements = \[...\]"),
     ],
 )

@@ -34,7 +34,7 @@ def test_a_sound_one_is_read(tmp_path):
 
 @pytest.mark.parametrize("name", ["no-such", "utf-7", "idna", "base64"])
 def test_an_unknown_encoding(tmp_path, name):
-    with pytest.raises(CommandError, match="not an FMU that can be read"):
+    with pytest.raises(CommandError, match="cannot be read as an FMU"):
         read_fmu(archive(tmp_path / "m.fmu", XML.format(name)))
 
 

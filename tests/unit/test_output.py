@@ -193,9 +193,9 @@ def test_targets_are_refused_before_any_work(tmp_path, name, what):
         ({"duration": "2 mm"}, "duration: .* is a length"),
         ({"duration": "-1 s"}, "duration = -1 s is out of bounds"),
         ({"duration": float("nan")}, "duration = nan is out of bounds"),
-        ({"duration": "1 us"}, "makes 0.001 samples"),
+        ({"duration": "1 us"}, "gives 0.001 samples"),
         ({"sample_rate": "0 Hz"}, "sample_rate = 0 Hz is out of bounds"),
-        ({"sample_rate": "1e12 Hz"}, "makes 1e\\+10 samples"),
+        ({"sample_rate": "1e12 Hz"}, "gives 1e\\+10 samples"),
         ({"rtol": 0.0}, "rtol = 0.0 is out of bounds"),
         ({"rtol": float("nan")}, "rtol = nan is out of bounds"),
     ],
@@ -233,7 +233,7 @@ def test_the_function_outranks_the_module_of_its_name(first):
     [
         ("drive.toml", None, "drive is a str"),
         (None, None, "drive is a NoneType"),
-        ("catalogue", 0.05, "initial state is a float"),
+        ("catalogue", 0.05, "initial state has the type float"),
     ],
 )
 def test_what_is_no_description_is_refused(drive, initial, words):

@@ -113,6 +113,11 @@ def test_two_circuits_are_compared_in_one_unit(tmp_path):
     assert (pair.key, pair.before, pair.after) == ("components.tank.volume", "500 cm3", "600 cm3")
     assert pair.change == pytest.approx(0.2)
     assert compared.sentence.endswith("components.tank.volume +20 %.")
+    flow = 'check_nominal_flow = "203.4 l/min ANR"'  # 0.8 dm3/(s bar) with b = 0.3
+    (tmp_path / "b.toml").write_text(text.replace('check_conductance = "0.8 dm3/(s bar)"', flow))
+    pairs = pn.compare_results(tmp_path / "a.toml", tmp_path / "b.toml").values
+    assert {pair.key.rpartition(".")[2] for pair in pairs} == {"check_conductance"}
+    assert all(abs(pair.change) < 1e-3 for pair in pairs)
 
 
 def test_gauge_and_absolute_pressure_have_no_relative_change():
@@ -121,11 +126,14 @@ def test_gauge_and_absolute_pressure_have_no_relative_change():
     assert [pair.change for pair in pn.compare_results(*both).values] == [None]
 
 
-def test_two_runs_are_compared_by_values_and_curves(folder, tmp_path, printed):
+def test_two_runs_are_compared_by_values_and_curves(folder, tmp_path, printed, refusal):
     picture, files = tmp_path / "both.svg", [str(folder / f"{name}.parquet") for name in ("light", "heavy")]
     said = printed(["compare", *files, "--plot", picture])
     assert "curves differ" in said
     assert "impact 1.stroke time" in said
+    assert next(line.split()[1] for line in said.splitlines() if line.startswith("value ")) == files[0]
+    assert next(line for line in said.splitlines() if line.startswith("air ")).count(" l ANR") == 2
+    refusal(["compare", *files, "--out", str(tmp_path / "out")], "--out writes the report of two campaigns")
     assert picture.stat().st_size > 10_000
     compared = pn.compare_results(*files)
     position = next(pair for pair in compared.curves if pair.first.label == "position")

@@ -95,7 +95,7 @@ def test_a_controller_in_one_call_gives_the_bits_of_a_loop():
         ((lambda *_: 0.0, 0.0, 0.1), "periods"),
         ((lambda *_: 0.0, 1e-3, -1.0), "periods"),
         ((lambda *_: 0.0, 0.1, 1.04), "periods"),
-        ((0, 1e-3, 0.1), "int is not a controller"),
+        ((0, 1e-3, 0.1), "of type int is not a controller"),
         ((SimpleNamespace(address=1), 1e-3, 0.1), "is not a controller"),
         ((ctypes.CFUNCTYPE(ctypes.c_double)(float), 1e-3, 0.1), "wrong types"),
         ((lambda t: t, 1e-3, 0.1), "takes 1 positional argument but 3"),

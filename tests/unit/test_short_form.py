@@ -119,10 +119,10 @@ def test_lines_on_the_command_line(tmp_path, capsys, printed):
     said = printed(["check", "catalogue:parker-osp-p25-sy5000"])
     assert "cylinder.bore = 25 mm [parker-osp-p-0980]" in said
     assert "cylinder.moving_mass = 0.7 kg, not read on the sheet" in said
-    assert "overlap, leakage, hysteresis = 0, as of an ideal valve" in printed(["check", "catalogue:reference"])
+    assert "overlap, leakage, hysteresis = 0, as in an ideal valve" in printed(["check", "catalogue:reference"])
     path.write_text(SHORT.replace('stroke = "100 mm"', 'stroke = "500 m"'))
     run(["check", str(path)])
-    assert "cylinder.stroke = 500000 mm; usual are 1 mm to" in capsys.readouterr().out
+    assert "cylinder.stroke = 500000 mm; check the unit: usual are 1 mm to" in capsys.readouterr().out
 
 
 def test_what_a_user_changes_is_not_assumed_by_the_catalogue(tmp_path):

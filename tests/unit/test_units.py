@@ -72,8 +72,8 @@ def test_written_values_read_back_to_the_same_bits(value):
         ("2,5 mm", "m", "Use a decimal point"),
         ("nan mm", "m", "is not finite"),
         ("1e999 mm", "m", "is not finite"),
-        ("700 l/min", "m^3/s ANR", "lacks the reference pressure and temperature"),
-        ("700 Nl/min", "m^3/s ANR", "lacks the reference pressure and temperature"),
+        ("700 l/min", "m^3/s ANR", "does not state the reference pressure and temperature"),
+        ("700 Nl/min", "m^3/s ANR", "does not state the reference pressure and temperature"),
     ],
 )
 def test_refusals(text, si_unit, message):

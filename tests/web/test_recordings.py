@@ -441,7 +441,7 @@ def test_times_that_fall_within_a_block_are_said(served: Served, fault: float) -
     (served.folder / "layout.toml").write_text(IN_SI + RIG)
     found = read(served, "run.parquet")
     assert (found["time"], found["span"]) == (False, [0.0, 1199.0])
-    said = "the time falls at sample 300: sample numbers replace it"
+    said = "the time decreases at sample 300: sample numbers replace it"
     assert found["notes"] == [said]
     asked = {"path": "run.parquet", "at": [400.0, 500.0], "columns": ["x"], "beside": "", "shift": 0}
     row = post(served, "/api/measure", asked)["rows"][0]

@@ -154,7 +154,7 @@ def test_what_is_no_fmu_is_answered_in_words(served: Served) -> None:
         return answered.json()["problems"][0]["what"]
 
     path.write_text("no archive")
-    assert "is not an FMU" in said()
+    assert "cannot be read as an FMU" in said()
     bomb = '<!DOCTYPE a [<!ENTITY b "bbbbbbbb"><!ENTITY c "&b;&b;">]><fmiModelDescription modelName="&c;"/>'
     for text in (bomb.encode(), bomb.encode("utf-16"), b"<fmi", b" " * 17_000_000):
         with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
@@ -162,5 +162,5 @@ def test_what_is_no_fmu_is_answered_in_words(served: Served) -> None:
         assert "x.fmu" in said()
     with zipfile.ZipFile(path, "w") as archive:
         archive.writestr("other.xml", "<a/>")
-    assert "is not an FMU" in said()
+    assert "cannot be read as an FMU" in said()
     assert pn.export_fmu(pn.Drive.load("catalogue:reference"), path).token in str(get(served, "/api/fmu", path="x.fmu"))

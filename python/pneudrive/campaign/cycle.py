@@ -1,4 +1,4 @@
-"""Cycle, the unit that a campaign plans, runs, stores and repeats, and the header of its file."""
+"""A cycle (the unit that a campaign plans, runs, stores and repeats) and the header of its file."""
 
 from __future__ import annotations
 
@@ -36,11 +36,11 @@ class Cycle:
     block, repeat : int
         Numbers of the block and of the repeat, from 1.
     speed_m_s : float or None
-        Speed that the cycle measures: of a sweep, or of the restart after a stop.
+        Speed of the sweep, or of the restart after the stop.
     stop_s : float or None
         Duration of the stop that the cycle measures.
     released : bool
-        Whether the force is released during that stop.
+        Whether the axis is released (moves until the force is zero) during the stop.
     levels : dict
         Hard-to-change factors of the block: mounting, seal, drive.
     text : str
@@ -48,7 +48,7 @@ class Cycle:
     start_m : float or None
         Position of the axis before the first step. The axis moves there without recording.
     weight_kg : float or None
-        The known weight that is applied.
+        Mass of the known weight on the force sensor.
     """
 
     key: str
@@ -78,7 +78,7 @@ SCHEMA = 1
 
 @dataclass(frozen=True)
 class Head:
-    """Header of a cycle's file: its data other than the samples.
+    """Header of a cycle's file: all data of the cycle except the samples.
 
     Attributes
     ----------
@@ -86,7 +86,7 @@ class Head:
         Running number of the cycle, from 1.
     cycle : Cycle
     began_s : float
-        Rig clock at time zero of the cycle, s; used in the analysis of drift.
+        Rig clock at time zero of the cycle, in s; used in the analysis of drift.
     started : str
         Date and time of the computer, ISO 8601 with zone.
     flags : dict
@@ -159,7 +159,7 @@ def read_head(
         cycle: Cycle = data["cycle"]
         for name in ("key", *REQUIRED_FOR.get(cycle.kind, ())):
             if getattr(cycle, name) in (None, ""):
-                raise CampaignError(f"cycle.{name} is missing", where=where, rule="each cycle must state it")
+                raise CampaignError(f"cycle.{name} is missing", where=where, rule="this kind of cycle needs it")
         if cycle.kind not in KINDS:
             remedy = nearest(cycle.kind, KINDS)
             raise CampaignError(f"cycle.kind = {cycle.kind!r} is not known", where=where, remedy=remedy)

@@ -70,13 +70,13 @@ def matches(steps: Sequence[Step], cycle: Cycle, tolerance: float) -> bool:
 
 
 def speeds_of(cycle: Cycle) -> list[float]:
-    """Return the speeds of the moves of a cycle, m/s. If the header lists no moves, return the speed of the cycle."""
+    """Return the speeds of the moves of a cycle in m/s. If the header lists no moves, return the speed of the cycle."""
     moves = [step.speed_m_s for step in cycle.steps if isinstance(step, Move)]
     return moves or ([cycle.speed_m_s] if cycle.speed_m_s else [])
 
 
 class ReplayRig:
-    """A rig that plays recordings: `Rig`, `Reproducible` and `Changeable`.
+    """A rig that plays recordings. It implements `Rig`, `Reproducible` and `Changeable`.
 
     Parameters
     ----------
@@ -87,7 +87,7 @@ class ReplayRig:
     pace : float, optional
         Seconds of the recording per second of wall-clock time; None: as fast as possible.
     file : ReplayFile
-        The tolerances between a cycle and its recording.
+        Rig file with the tolerances between a cycle and its recording.
 
     Notes
     -----
@@ -128,21 +128,21 @@ class ReplayRig:
         return self._state
 
     def home(self) -> None:
-        """Home the axis; no recording is played."""
+        """Home the axis without playing a recording."""
         self._state = replace(self._state, position_m=self._limits.home_m)
 
     def set_pressure(self, a_pa: float, b_pa: float) -> None:
-        """Select recordings at these absolute pressures, Pa."""
+        """Select recordings at these absolute pressures, in Pa."""
         self._state = replace(self._state, pressure_a_pa=a_pa, pressure_b_pa=b_pa)
 
     def move(self, to_m: float, speed_m_s: float) -> None:
-        """Move without recording; no recording is played."""
+        """Move the axis without playing a recording."""
         self._halted.clear()
         self._wait(monotonic(), abs(to_m - self._state.position_m) / speed_m_s)
         self._state = replace(self._state, position_m=to_m)
 
     def hold(self, duration_s: float, released: bool = False) -> None:
-        """Wait at rest without recording."""
+        """Wait at rest without playing a recording."""
         self._halted.clear()
         self._wait(monotonic(), duration_s)
 
@@ -175,17 +175,17 @@ class ReplayRig:
         self._played.update(memory.get("played", {}))
 
     def levels(self) -> dict[str, tuple[str, ...]]:
-        """Return the mountings of the recordings."""
+        """Return the levels of each factor, such as the mounting, in the recordings."""
         levels = [file.cycle.levels for file in self.files]
         factors = dict.fromkeys(factor for mounted in levels for factor in mounted)
         return {f: tuple(dict.fromkeys(mounted[f] for mounted in levels if f in mounted)) for f in factors}
 
     def change(self, levels: dict[str, str]) -> None:
-        """Select recordings with this mounting."""
+        """Select recordings at these levels."""
         self._levels.update(levels)
 
     def _apart_pa(self, cycle: Cycle) -> tuple[float, float]:
-        """Return the differences between the pressures of a recorded cycle and the requested ones."""
+        """Return the differences between the pressures of a recorded cycle and the requested ones, in Pa."""
         state = self._state
         return abs(cycle.pressure_a_pa - state.pressure_a_pa), abs(cycle.pressure_b_pa - state.pressure_b_pa)
 

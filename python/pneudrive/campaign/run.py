@@ -28,15 +28,15 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, repr=False)
 class Result(Shown):
-    """Outcome of a run of a campaign.
+    """Outcome of a campaign run.
 
     Attributes
     ----------
     campaign : Campaign
     finished, planned : int
-        Number of cycles on disk, and planned number of cycles, if known.
+        Number of cycles on disk, and total number of cycles.
     ended : str
-        ``done``, or ``ended`` if a person ended it. An ended campaign can be resumed.
+        ``done``, or ``ended`` if a person ended the campaign. An ended campaign can be resumed.
     """
 
     campaign: Campaign
@@ -60,9 +60,9 @@ def run_campaign(
     Parameters
     ----------
     protocol : Protocol, str or Path
-        A protocol, its file, or the name of a ready one.
+        A protocol, its file, or the name of a ready protocol.
     rig : Rig, str or Path
-        A rig, or an argument of `pneudrive.rig.load_rig`, which gets the protocol's seed.
+        A rig, or the source of one for `pneudrive.rig.load_rig`, which also gets the seed of the protocol.
     into : str or Path
         The campaign folder; created if missing.
     options : Options, optional
@@ -136,7 +136,7 @@ def resume_campaign(
     Raises
     ------
     ProtocolError, CampaignError, RigError
-        As in `run_campaign`; or if `rig` is needed.
+        As in `run_campaign`; also if `rig` is required.
     """
     folder = Path(folder)
     campaign = Campaign.open(folder)
@@ -191,9 +191,9 @@ def _bench(
     pace: float | None,
     **found: str | None,
 ) -> Iterator[tuple[Rig, str]]:
-    """Return the rig and its address for a resumed run.
+    """Provide the rig, and its address for a later `resume_campaign`.
 
-    The address is empty for a rig that the caller has made and closes itself.
+    The address is empty if the caller made the rig and closes it.
     """
     from pneudrive.rig.rig_file import load_rig
 
@@ -205,7 +205,7 @@ def _bench(
 
 
 def _full_name(source: str) -> str:
-    """Return the name of a rig with full paths, valid from any folder (``own_rig.py:make_rig`` too)."""
+    """Return the address of a rig (also ``own_rig.py:make_rig``) with full paths, so that it is valid in any folder."""
     if Path(source).exists():
         return str(Path(source).resolve())
     file, _, name = source.rpartition(":")

@@ -1,4 +1,4 @@
-"""Progress of a campaign, and preliminary friction of its finished cycles, read from its folder alone."""
+"""Progress of a campaign and preliminary friction of its finished cycles, both read from the campaign folder."""
 
 from __future__ import annotations
 
@@ -31,9 +31,9 @@ class Status(Shown):
     files : tuple of CycleFile
         Finished cycles.
     planned : int or None
-        Cycles of the plan; None if the folder holds no plan.
+        Number of cycles in the plan; None if the folder holds no plan.
     extra : int
-        Finished cycles that the plan does not list, from an adaptive campaign of an earlier version.
+        Number of finished cycles that the plan does not list, from an adaptive campaign of an earlier version.
     remaining_s : float or None
         Remaining time on the rig's clock.
     flags : dict
@@ -59,9 +59,9 @@ class Status(Shown):
 
 
 def status_of(folder: str | Path) -> Status:
-    """Return the status of a campaign folder, even while the campaign runs; check every file by its checksum.
+    """Return the status of a campaign folder. The campaign may be running. Every file is checked by its checksum.
 
-    Files from other programs have no checksum. Their samples are checked when they are read, and a note reports this.
+    Files from other programs have no checksum. A note in `problems` counts them. `pneudrive characterise` checks them.
 
     Raises
     ------
@@ -72,7 +72,7 @@ def status_of(folder: str | Path) -> Status:
     files, problems = campaign.scan()
     foreign = sum(not file.sealed for file in files)
     if foreign:
-        note = f"{foreign} of {len(files)} have no checksum: their samples are checked by `pneudrive characterise`"
+        note = f"{foreign} of {len(files)} files have no checksum; `pneudrive characterise` checks their samples"
         problems.append(Problem(CYCLES, note, lost=False))
     done = {file.cycle.key for file in files}
     planned, remaining, extra = None, None, 0
@@ -94,7 +94,7 @@ MEASURED = ("sweep", "sentinel", "stop")
 
 
 def preliminary_frictions(files: Sequence[CycleFile], identity: Identity) -> list[float]:
-    """Return the mean friction of each sweep, or the greatest force after each stop, N; NaN for other cycles.
+    """Return the friction of each cycle, in N: mean of a sweep or control run, maximum after a stop, otherwise NaN.
 
     Raises
     ------
@@ -111,7 +111,7 @@ def preliminary_frictions(files: Sequence[CycleFile], identity: Identity) -> lis
 
 
 def preliminary_friction(file: CycleFile, samples: Samples, identity: Identity) -> float:
-    """Return the estimate of a sweep, a control run or a stop, N; NaN if the samples do not allow it."""
+    """Return the friction of a sweep, a control run or a stop, in N; NaN if the samples do not suffice."""
     from pneudrive.friction.level import extract
     from pneudrive.friction.strokes import Settled
 

@@ -161,7 +161,7 @@ def status(folder: Path) -> None:
         typer.echo(f"flag {flag}: {count} {'cycle' if count == 1 else 'cycles'}")
     for problem in state.problems:
         typer.echo(f"{'problem' if problem.lost else 'note'}: {problem}")
-    typer.echo(f"in work by {state.holder}" if state.holder else "no process runs this campaign")
+    typer.echo(f"run by {state.holder}" if state.holder else "no process runs this campaign")
 
 
 def pause(folder: Path, *, now: bool = False) -> None:

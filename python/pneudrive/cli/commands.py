@@ -29,7 +29,7 @@ from pneudrive.errors import CommandError, nearest
 #: Title in a help -> commands.
 Sections: TypeAlias = Mapping[str, Sequence[str]]
 #: Parameters for a description file. Commands with one of them also accept catalogue folders.
-_DESCRIBED = {"drive", "circuit", "task"}
+_DESCRIBED = {"drive", "circuit", "task", "first"}
 _CATALOGUE = inspect.Parameter("catalogue", inspect.Parameter.KEYWORD_ONLY, default=None, annotation=list[Path] | None)
 _EXAMPLES = "\n\nExamples\n--------\n"
 

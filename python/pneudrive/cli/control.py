@@ -3,7 +3,7 @@
 Options
 -------
 setup
-    Instrumentation: ideal, real, cheap (assumed values), or a TOML file.
+    Instrumentation: ideal, real, cheap (assumed values), or a TOML file; default: that of the controller file, or real.
 reference : REF
     Reference: "sine 60 mm 0.5 Hz around 250 mm", "220 mm; 1 s: 280 mm in 0.3 s", R1 to R6, or a file. For a platform: a
     TOML file.
@@ -25,7 +25,7 @@ import typer
 import pneudrive as pn
 from pneudrive.cli.commands import group
 from pneudrive.cli.options import Count, check_used, names_in
-from pneudrive.cli.terminal import check_outputs, show_paths, show_view, watch, write_outputs
+from pneudrive.cli.terminal import check_outputs, show_lines, show_paths, show_view, watch, write_outputs
 from pneudrive.errors import CommandError, PneudriveError, warn
 from pneudrive.lazy_names import used_later
 
@@ -49,7 +49,7 @@ control = group(
 def tune(drive: str, *, law: str = "nmpc", setup: str = "real", out: Path | None = None) -> None:
     """Tune a controller from the description of a drive.
 
-    Print the rule and limits of each gain, and a simulated result.
+    Print the rule of each gain, the limits of the controller, and a simulated result.
 
     Options
     -------
@@ -74,7 +74,7 @@ def tune(drive: str, *, law: str = "nmpc", setup: str = "real", out: Path | None
 
 
 def _try_out(drive: pn.Drive | pn.Circuit, found: tuning.Tuning, setup: str) -> None:
-    """Run the tuned controller on its assumed drive, and warn if it does not follow."""
+    """Run the tuned controller on its assumed drive, and warn if the drive does not follow the reference."""
     try:
         prepared = loop.prepare(drive, None, loop.ALONG, setup=setup, controller=found)
         run = loop.run_prepared(prepared, seed=1)
@@ -95,7 +95,7 @@ def run(
     reference: str,
     controller: str | None = None,
     law: str | None = None,
-    setup: str = "real",
+    setup: str | None = None,
     duration: str | None = None,
     seed: Count = 1,
     mismatch: str | None = None,
@@ -111,19 +111,19 @@ def run(
     Options
     -------
     controller : FILE|LAW
-        TOML file or name; default: nmpc, for strongly coupled legs inversion.
+        TOML file or name; default: nmpc, or inversion for strongly coupled legs.
     law : LAW
         Controller or own code: mine.py:Law.
     duration
-        Duration, "12 s"; default: of the reference.
+        Duration, "12 s"; default: that of the reference.
     seed
         Seed of all noise.
     initial
         Start state, e.g. "pressure_a = 3 bar abs"; default: on the reference.
     payload
-        Platform: mass that no controller knows, "2 kg"; the spread of several: "0 kg, 2 kg".
+        Platform: mass that no controller knows, "2 kg"; or several masses: "0 kg, 2 kg".
     dynamics
-        Platform: mass and load of the legs along the path, or those at its start.
+        Platform: mass and load of the legs along the path (full), or at its start (constant).
     out
         File .parquet, .csv, .nc; platform: folder.
 
@@ -191,9 +191,9 @@ def benchmark(
     out
         Folder for scores, runs and report; a started one is resumed.
     laws : all|A,B
-        all, or names, controller files and your own code (mine.py:Law), with commas.
+        all, or names, controller files and your own code (mine.py:Law), separated by commas.
     references : standard|REF,...
-        standard (R1, R2, R3, R5, R6), or references with commas.
+        standard (R1, R2, R3, R5, R6), or references separated by commas.
     seeds
         Number of seeds.
     spread
@@ -227,7 +227,7 @@ def benchmark(
 
 
 def reference(along: str, *, drive: str, plot: Path | None = None) -> None:
-    """Check a reference against a drive: stroke, load of valve, force and speed, and the necessary slowdown.
+    """Check a reference against a drive: stroke, shares of valve opening, force and speed, and the necessary slowdown.
 
     Options
     -------
@@ -257,7 +257,7 @@ def export(
     reference: str | None = None,
     fmi: str = "2.0",
     drive: str | None = None,
-    setup: str = "real",
+    setup: str | None = None,
     name: str | None = None,
     precision: Literal["double", "single"] = "double",
 ) -> None:
@@ -279,7 +279,7 @@ def export(
         Drive or circuit file (TOML), or catalogue:NAME; not needed if the file names it.
 
     name : NAME
-        Name of the source files, and begin of the names in them. Axes in one program need different names.
+        Name of the source files, and prefix of the names in them. Axes in one program need different names.
     precision
         Precision of the C code. Use single for a processor that computes only float in hardware.
 
@@ -296,9 +296,9 @@ def export(
     }
     check_used(context, to, uses)
     file = controller if controller.endswith(".toml") else None
-    described = tuning.believed_by(file) if drive is None else load.load_described(drive)
-    model = None if drive is None else described  # it goes before the drive that the file names
-    found = tuning.tune(described, None if file else controller, setup=setup, controller=file, believes=model)
+    described = None if drive is None else load.load_described(drive)  # it goes before the drive that the file names
+    found = tuning.tune(None, None if file else controller, setup=setup, controller=file, believes=described)
     told = {"version": fmi, "name": name, "precision": precision}
-    written = source_code.export(found, to, out, setup=setup, along=reference, **told)
+    written = source_code.export(found, to, out, along=reference, **told)
+    show_lines(f"setup {found.setup}")
     show_paths(*written)

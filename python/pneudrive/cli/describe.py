@@ -18,7 +18,7 @@ from pneudrive.repr_tables import aligned
 with used_later(__name__):
     from pneudrive import references, views
     from pneudrive.campaign.planning import protocol
-    from pneudrive.control import mismatch, tuning
+    from pneudrive.control import mismatch, setup, tuning
     from pneudrive.control import references as trajectories
     from pneudrive.describe import base, kinds
     from pneudrive.describe import components as component_texts
@@ -191,7 +191,7 @@ def _ideal_valves(core_json: str) -> Iterator[tuple[str, str]]:
         numbers = component["numbers"]
         if zeros := [key for key in mismatch.OF_VALVE.values() if "overlap" in numbers and numbers[key] == 0.0]:
             cost = "pneudrive control tune shows their effect on a controller"
-            yield f"{{}}: {', '.join(zeros)} = 0, as of an ideal valve; {cost}", component["name"]
+            yield f"{{}}: {', '.join(zeros)} = 0, as in an ideal valve; {cost}", component["name"]
 
 
 def _together(assumptions: Iterable[tuple[str, str]]) -> Iterator[str]:
@@ -232,7 +232,7 @@ def draw(drive: str, *, out: Path = Path("circuit.svg")) -> None:
 
 def schema(
     kind: Literal[
-        "drive", "circuit", "layout", "rig", "protocol", "task", "controller", "trajectory", "view"
+        "drive", "circuit", "layout", "rig", "protocol", "task", "controller", "setup", "trajectory", "view"
     ] = "drive",
 ) -> None:
     """Print the JSON schema of a kind of file, for an editor that completes and checks TOML.
@@ -241,7 +241,7 @@ def schema(
     -------
     kind
         Kind of file: drive, circuit, layout of recordings, rig, protocol of a campaign, task of a sizing, controller,
-        or trajectory (a reference); or the view of a result.
+        setup of a controller, or trajectory (a reference); or the view of a result.
 
     Examples
     --------
@@ -250,7 +250,7 @@ def schema(
     schema_of = {"drive": load.drive_schema, "circuit": load.circuit_schema, "layout": layout.layout_schema}
     schema_of |= {"rig": description.rig_schema, "protocol": protocol.protocol_schema, "task": task.task_schema}
     schema_of["view"] = views.view_schema
-    tables = {"controller": tuning.Controller, "trajectory": trajectories.ReferenceFile}
+    tables = {"controller": tuning.Controller, "setup": setup.Setup, "trajectory": trajectories.ReferenceFile}
     found = schema_of[kind]() if kind in schema_of else tables[kind].model_json_schema(by_alias=True)
     draft = {"$schema": "https://json-schema.org/draft/2020-12/schema"}
     typer.echo(json.dumps(draft | found, indent=2, ensure_ascii=False))

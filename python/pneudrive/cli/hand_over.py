@@ -66,7 +66,7 @@ def export(
     out
         File, for c a folder; default for friction: standard output.
     pressure_a
-        Pressure in chamber a, e.g. "3 bar gauge"; default: middle of the measured ones.
+        Pressure in chamber a, e.g. "3 bar gauge"; default: middle of the measured pressures.
     pressure_b
         Pressure in chamber b.
     speeds
@@ -126,24 +126,24 @@ def _export_whole(
 ) -> None:
     """Write a drive or a circuit for another tool, and print the variables that the tool sees."""
     if out is None:
-        what, remedy = ("an FMU is a file", "drive.fmu") if to == "fmu" else ("C needs a folder", "drive_c")
+        what, remedy = ("an FMU needs a file name", "drive.fmu") if to == "fmu" else ("C needs a folder", "drive_c")
         raise CommandError(f"--out is missing: {what}", remedy=f"Write --out {remedy}.")
     drive = load.load_described(source)
     if to == "c":
         terminal.show_paths(*pn.export_c(drive, out, initial=initial))
         return
     done = pn.export_fmu(drive, out, version=fmi, actuator=actuator, initial=initial)
-    sys.stderr.write("".join(f"- {note}\n" for note in done.notes))
+    sys.stderr.write("".join(("Notes and assumed values of the drive:\n", *(f"- {note}\n" for note in done.notes))))
     typer.echo(f"{done.path}: FMI {done.version}, token {done.token}")
     for title, variables in (("inputs", done.inputs), ("outputs", done.outputs)):
         typer.echo(f"{title}: " + ", ".join(f"{variable.name} [{variable.unit}]" for variable in variables))
     typer.echo(f"parameters: {len(done.parameters)}, by the keys of the drive file; pressures are absolute")
     system = f"{platform.system()} {platform.machine()}"
-    typer.echo(f"runs on {system} only, the system of this computer: for another one, export the drive there")
+    typer.echo(f"runs on {system} only, the system of this computer")
 
 
 def demo(*, out: Path = Path("out")) -> None:
-    """Characterise the real recordings, reproduce the source paper on the simulated rig, write one report.
+    """Characterise the real recordings, reproduce the source paper on the simulated rig, and write one report.
 
     The recordings are those of the project, or two shipped ones.
 

@@ -23,7 +23,7 @@ with used_later(__name__):
     from pneudrive.campaign.planning import next_points, plan, protocol
     from pneudrive.campaign.running import live
     from pneudrive.describe.files import load, toml
-    from pneudrive.files import inputs
+    from pneudrive.files import content, inputs
     from pneudrive.friction import characterisation, friction_map
     from pneudrive.friction.campaign import characteristics
     from pneudrive.friction.campaign.stops import dwell_models
@@ -71,8 +71,8 @@ def fit(
     source : MAP|RECORDING...
         Friction maps (map.parquet, map.csv) or campaigns, one or several; or recordings.
     laws : LAW,...
-        Laws to compare, separated by commas; a single law is fitted: coulomb, stribeck, or a Stribeck curve of another
-        shape, such as "stribeck lorentzian", "stribeck exponential", "stribeck free". Default: all.
+        Laws to compare, separated by commas; a single law is only fitted. Laws: coulomb, stribeck, or a Stribeck curve
+        of another shape, such as "stribeck lorentzian", "stribeck exponential", "stribeck free". Default: all.
     pressure
         Dependence on pressure: none, linear, quadratic, saturating, interaction. Default: all.
     hold_out
@@ -111,7 +111,7 @@ def fit(
         try:
             statements = survey.survey(curves, "seal", runs).statements()
         except FitError as problem:
-            statements = [f"the seals are not surveyed: {problem.what}"]
+            statements = [f"the seals are not compared: {problem.what}"]
         typer.echo("".join(f"- {statement}\n" for statement in statements), nl=False)
 
 
@@ -122,7 +122,8 @@ def _map_of(source: list[Path], layout: Path | None) -> tuple[xr.Dataset, Campai
     """
     missing = next((path for path in source if not path.exists()), None)
     if missing is not None:
-        raise CommandError(f"there is no {missing}", rule="a friction map, recordings, or the folder of a campaign")
+        rule = "a friction map, recordings, or the folder of a campaign"
+        raise CommandError(f"there is no {missing}", rule=rule, remedy=content.similar(missing))
     finished = [path for path in source if path.is_dir() or path.suffix == ".parquet"]
     if finished and len(finished) < len(source):
         raise CommandError.of("cli.not-together", value=" ".join(map(str, source)))
@@ -142,7 +143,7 @@ def _map_of(source: list[Path], layout: Path | None) -> tuple[xr.Dataset, Campai
 
 
 def joined_maps(paths: list[Path], maps: list[xr.Dataset]) -> xr.Dataset:
-    """Join the rows of several maps. Each map keeps its gauge pressures at any ambient pressure."""
+    """Join the rows of several maps. Gauge pressures are kept if the ambient pressures of the maps differ."""
     import xarray as xr
 
     ambient = [float(each.attrs.get("ambient_pressure_pa", STANDARD_ATMOSPHERE_PA)) for each in maps]
@@ -198,17 +199,10 @@ def _each_fit(
             yield group, part, result
 
 
-def _fit_laws(
-    curves: xr.Dataset,
-    names: list[str],
-    pressure: str,
-    hold_out: str,
-    left_out: Sequence[str],
-) -> LawFit:
+def _fit_laws(curves: xr.Dataset, names: list[str], pressure: str, hold_out: str, left_out: Sequence[str]) -> LawFit:
     """Compare several laws and fit the recommended one; fit a single law directly."""
     forms = None if not pressure else () if pressure == "none" else (pressure,)
-    comparison: law_choice.LawComparison | None = None
-    chosen, form = names[0], pressure or "linear"
+    form = pressure or "linear"
     if len(names) > 1 or forms is None or hold_out:
         held = {"pressure": forms, "hold_out": hold_out or None, "exclude_flags": left_out}
         try:
@@ -216,18 +210,11 @@ def _fit_laws(
         except FitError as problem:
             if hold_out:
                 raise
-            typer.echo(f"- laws are not compared: {problem.what}; {chosen} is fitted", err=True)
+            typer.echo(f"- laws are not compared: {problem.what}; {names[0]} is fitted", err=True)
         else:
-            chosen, form = comparison.recommended.name, comparison.recommended.pressure or "none"
-    result = pn.fit_friction(
-        curves,
-        chosen,
-        pressure_dependence=form != "none",
-        pressure=form if form != "none" else "linear",
-        viscous=comparison is None or comparison.recommended.viscous,
-        exclude_flags=left_out,
-    )
-    return result, comparison
+            return comparison.recommended.fit, comparison
+    how = {"pressure_dependence": form != "none", "pressure": form if form != "none" else "linear"}
+    return pn.fit_friction(curves, names[0], **how, exclude_flags=left_out), None
 
 
 def identify(
@@ -336,7 +323,7 @@ def validate(
     Options
     -------
     drive : DRIVE|FIT
-        Drive file (TOML), catalogue:NAME, or fit of `pneudrive identify --out` with the zeros of its sensors.
+        Drive file (TOML), catalogue:NAME, or fit of `pneudrive identify --out`, whose sensor zeros are then used.
         Also a fit along motions or of a regulator. Verdicts use the recordings that were held out of the fit.
     recordings : RECORDING...|MAP|CAMPAIGN
         Recordings of the drive (time, command, position, both pressures), or one friction map or campaign.

@@ -79,7 +79,7 @@ def _plain_warnings() -> Iterator[None]:
             for alike in kinds.values():
                 if len(alike) > MOST_ALIKE:
                     more = len(alike) - MOST_ALIKE
-                    sys.stderr.write(f"Note: {more} more with other numbers, like this one: {alike[MOST_ALIKE]}\n")
+                    sys.stderr.write(f"Note: {more} more with other numbers, such as: {alike[MOST_ALIKE]}\n")
 
 
 def run(arguments: Sequence[str]) -> int:

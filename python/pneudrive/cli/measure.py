@@ -49,7 +49,9 @@ rig = group(
 
 
 def layout(file: Path, *, out: Path | None = None) -> None:
-    """Propose how to read a foreign recording, with a picture: next to the layout, or FILE.layout.png here.
+    """Propose how to read a foreign recording.
+
+    A picture is written next to the layout, or as FILE.layout.png into this folder.
 
     Options
     -------
@@ -134,7 +136,7 @@ def characterise(
     balances = [motion.close_balance(recording) for recording in found.recordings if recording.force_n.any()]
     show_lines(*(f"- {balance}." for balance in balances if balance.gains))
     if curves is not None:
-        show_view(replace(curves.view(), rows=()))
+        show_view(replace(curves.view(), rows=(), leading=()))  # the view above has the friction at each speed
     show_paths(*written)
 
 
@@ -182,13 +184,13 @@ def compare(
     first: Path,
     second: Path,
     *,
-    out: Path = Path("comparison"),
+    out: Path | None = None,
     protocol: str = "settled",
     plot: Path | None = None,
 ) -> None:
     """Compare two campaigns, drives, circuits, fits, maps, runs, sizings or validations.
 
-    For two campaigns (new and worn, two seals), it writes report.html and comparison.toml.
+    For two campaigns (such as new and worn seals), it writes report.html and comparison.toml.
     Two other results of one kind are compared value by value, in common units, and curve by curve.
 
     Options
@@ -197,6 +199,8 @@ def compare(
         Folder of campaign A; or any other result or description.
     second : B
         Result of the same kind; differences are B minus A.
+    out : DIR
+        Folder for the report of two campaigns; the default is "comparison". Other results are only printed.
     protocol
         Selection of samples: settled, or source-paper (without the first 5 %).
     plot
@@ -210,14 +214,14 @@ def compare(
     """
     choice = one_of("--protocol", protocol, strokes.SAMPLE_CHOICES)
     if not all((path / folders.RIG).is_file() for path in (first, second)):
-        _compare_results(str(first), str(second), plot)
+        _compare_results(str(first), str(second), out, plot)
         return
     if first.resolve() == second.resolve():
         raise CommandError("a campaign cannot be compared with itself", value=str(first), remedy="Give two folders.")
     tell = watch().tell
     sides = [characteristics.campaign_friction(folder, choice(), progress=tell) for folder in (first, second)]
     compared = pn.compare_campaigns(*sides)
-    folder = writable_folder(out)
+    folder = writable_folder(out or Path("comparison"))
     written = comparisons.write_comparison(compared, folder / "comparison.toml")
     page = campaign_page.write_comparison_report(compared, folder)
     named = zip("AB", sides, strict=True)
@@ -226,14 +230,17 @@ def compare(
     show_paths(written, page)
 
 
-def _compare_results(first: str, second: str, plot: Path | None) -> None:
+def _compare_results(first: str, second: str, out: Path | None, plot: Path | None) -> None:
     """Print the values that differ between two results, and the differences of their curves."""
     terminal.check_outputs(None, plot=plot)
     compared = pn.compare_results(first, second, (first, second))
+    if out is not None:
+        what = f"--out writes the report of two campaigns; these are results of the kind {compared.kind}"
+        raise CommandError(what, value=str(out), remedy="Leave it out; --plot FILE writes a picture of the curves.")
     is_fit = compared.kind == fit_results.FrictionFit.TITLE
     show_lines(compared.sentence)
     if compared.values:
-        show_table(("value", "<before", "<95 %", "<after", "<95 %", "change %"), compared.rows())
+        show_table(("value", f"<{first}", "<95 %", f"<{second}", "<95 %", "change %"), compared.rows())
     if rows := compared.curve_rows()[: terminal.MOST_ROWS]:
         show_table(("curve", "at", "B minus A", "95 %, statistical" if is_fit else "95 %"), rows)
     elif not compared.curves and is_fit:

@@ -15,7 +15,7 @@ plot
 command : STEPS
     Valve command, -1 to 1: 0.5, "0 s: 0.6, 1 s: -0.6", or a CSV file. In a circuit: "VALVE: 0 s: 1".
 set : KEY=VALUE
-    Value, "friction.coulomb = 31 N"; repeatable.
+    Changed value, "friction.coulomb = 31 N"; repeatable.
 rtol
     Relative tolerance of the solver.
 out

@@ -51,7 +51,7 @@ def serve(
     map
         Node map; default: the one of the package.
     certificate
-        Certificate of this server, with its private key beside it (.key); all messages are signed and encrypted.
+        Certificate of this server, with its private key next to it (.key); all messages are signed and encrypted.
     trust
         Certificate of a client that may connect; repeatable.
     unprotected

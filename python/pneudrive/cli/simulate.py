@@ -73,7 +73,7 @@ def simulate(
     sample_rate
         Samples per second.
     budget : ATTEMPTS
-        Attempted steps after which the run fails.
+        Number of attempted steps after which the run fails.
     out
         Trajectory file: .parquet, .csv or .nc.
     plot
@@ -368,7 +368,7 @@ def web(
     with tempfile.TemporaryDirectory(prefix="pneudrive-") as private:
 
         def opened(address: str) -> None:
-            typer.echo(f"{address}\nThe address opens the page for whoever knows it. Ctrl-C ends the server.")
+            typer.echo(f"{address}\nAnyone who knows this address can open the page. Ctrl-C ends the server.")
             sys.stdout.flush()
             if browser:
                 # Only the user may read this file. Arguments of the browser's process are visible to all accounts.

@@ -47,9 +47,9 @@ def size(
     task : TASK
         Task file (TOML).
     out : DIR
-        Folder for report, ranking and circuit files of the ten best; it is resumed.
+        Folder for report, ranking and circuit files of the ten best and of each cylinder; a search in it is resumed.
     max_candidates : N
-        Largest number of choices of parts whose needles are set.
+        Largest number of choices of parts that are tuned.
     samples
         Samples of each choice; the ten best have four times as many.
 

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pneudrive.errors import DescriptionError
+from pneudrive.describe.files import toml
+from pneudrive.errors import DescriptionError, invalid
 
 if TYPE_CHECKING:
     from pneudrive.arrays import Keyed, Pair
@@ -42,19 +44,19 @@ def check_axis(belief: Circuit, plant: Keyed) -> None:
     cylinder, valves = plant["cylinder"], plant["valves"]
     ends = {cylinder, *valves, *(name for name, kind in kinds.items() if kind.startswith("reservoir"))}
     if kinds[cylinder] not in _DOUBLE_ACTING:
-        raise DescriptionError.of("control.no-model", where=belief.name, name=cylinder, kind=kinds[cylinder])
+        raise _refused(belief, f"{cylinder}.kind", "control.no-model", name=cylinder, kind=kinds[cylinder])
     if plant["lag_s"] > MOST_LAG_S:
-        raise DescriptionError.of("control.late", where=belief.name, lag=plant["lag_s"], most=MOST_LAG_S)
+        raise _refused(belief, f"{valves[0]}.delay", "control.late", lag=plant["lag_s"], most=MOST_LAG_S)
     for port, chamber in (("4", "a"), ("2", "b")) if kinds[valves[0]] in _CROSSED else ():
         found = _chambers(joints, f"{valves[0]}.{port}", cylinder, ends)
         if f"{cylinder}.{chamber}" not in found:
             to = " and ".join(sorted(found)) or "no chamber"
             names = {"valve": valves[0], "port": port, "to": to, "cylinder": cylinder}
-            raise DescriptionError.of("control.crossed", where=belief.name, **names)
+            raise _refused(belief, "", "control.crossed", **names)
 
 
 def check_valves(belief: Circuit) -> None:
-    """Reject valves whose flow is a table, because controllers model a single conductance.
+    """Reject valves whose flow is a table, because controllers model each valve by a single conductance.
 
     Parameters
     ----------
@@ -67,11 +69,21 @@ def check_valves(belief: Circuit) -> None:
     """
     for name, one in belief.core_parts.items():
         if one["kind"].startswith("valve/") and one.get("points"):
-            raise DescriptionError.of("control.flow_table", where=belief.name, valve=name)
+            raise _refused(belief, f"{name}.flow_table", "control.flow_table", valve=name)
+
+
+def _refused(belief: Circuit, key: str, message: str, **values: object) -> DescriptionError:
+    """Return an error with the line of a component's key, or of the connections, in the file of a drive or circuit."""
+    file = belief.source_file
+    if not Path(file).is_file():
+        return DescriptionError.of(message, where=belief.name, **values)
+    tables, text = toml.read(file)
+    place = f"components.{key}" if "components" in tables else key
+    return toml.located(invalid(place if key else "connections", message, **values), file, text)
 
 
 def unknown_numbers(belief: Circuit) -> list[str]:
-    """Return the unmodelled parts of cylinder, valves and supply, for example ``cylinder.cushion``."""
+    """Return the parts of cylinder, valves and supply that controllers do not model, such as ``cylinder.cushion``."""
     return [
         f"{name}.{what}"
         for name, one in belief.core_parts.items()
@@ -82,13 +94,8 @@ def unknown_numbers(belief: Circuit) -> list[str]:
     ]
 
 
-def _chambers(
-    joints: list[list[str]],
-    port: str,
-    cylinder: str,
-    ends: set[str],
-) -> set[str]:
-    """Return the chambers that a port leads to, through all components except ends and the ambient."""
+def _chambers(joints: list[list[str]], port: str, cylinder: str, ends: set[str]) -> set[str]:
+    """Return the chambers to which a port leads. The search does not pass through `ends` and the ambient."""
     left, reached = [joint for joint in joints if port in joint], []
     while left:
         joint = left.pop()
@@ -105,7 +112,7 @@ def _component(port: str) -> str:
 
 
 def supply_of(core_json: str) -> Pair:
-    """Return absolute pressure, Pa, and temperature, K, of the supply of a circuit in the core's form."""
+    """Return absolute pressure (Pa) and temperature (K) of the supply of a circuit in the core's form."""
     form = json.loads(core_json)
     numbers = next(one["numbers"] for one in form["components"] if one["kind"].startswith("reservoir"))
     return numbers["pressure"], numbers.get("temperature", form["ambient"]["temperature_k"])

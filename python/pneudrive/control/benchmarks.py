@@ -83,7 +83,7 @@ class ControlledRun(NamedTuple):
     truth: NamedNumbers
 
     def columns(self, *names: str) -> Columns:
-        """Read columns of the run's file."""
+        """Return columns from the file of the run, by name."""
         return read_columns(self.file, names)
 
 
@@ -105,7 +105,7 @@ class ControlComparison(Viewed):
     about : dict
         Content of ``comparison.json``: the gains and the assumed drive of each law, and the request.
     runs : tuple of ControlledRun
-        The finished runs. Their true values are missing until the comparison is finished.
+        The finished runs. Their `truth` is empty until the comparison is finished.
     """
 
     folder: Path
@@ -120,7 +120,7 @@ class ControlComparison(Viewed):
 
     @property
     def laws(self) -> list[str]:
-        """Names of the laws."""
+        """Names of the compared laws."""
         return list(self.about["laws"])
 
     @property
@@ -130,7 +130,7 @@ class ControlComparison(Viewed):
 
     @property
     def truth(self) -> NamedIntervals:
-        """Least and largest value of each deviation of the true drive."""
+        """Least and largest true value of each number that deviates from the description."""
         each: dict[str, list[float]] = {}
         for run in self.runs:
             for name, value in run.truth.items():
@@ -138,13 +138,13 @@ class ControlComparison(Viewed):
         return {name: (min(values), max(values)) for name, values in each.items()}
 
     def of(self, law: str, along: str) -> list[ControlledRun]:
-        """Return the runs of a law along a reference, by seed."""
+        """Return the runs of a law along a reference, sorted by seed."""
         return [run for run in self.runs if (run.law, run.reference) == (law, along)]
 
     def middle(self, law: str, along: str, measure: str) -> float | None:
         """Return the median of a measure over the seeds.
 
-        None if the measure does not apply to the reference, or a run failed.
+        None if the measure does not apply to the reference, or if all runs failed. A failed run counts as infinite.
         """
         return self.within(law, along, measure, 0.5)
 
@@ -164,13 +164,13 @@ class ControlComparison(Viewed):
         return low if low == high else low + (place - math.floor(place)) * (high - low)
 
     def best(self, along: str, measure: str = "max_error_m") -> str | None:
-        """Return the controller with the smallest measure along a reference; None if all controllers failed."""
+        """Return the controller with the smallest median of a measure along a reference; None if all failed."""
         errors = {law: self.middle(law, along, measure) for law in self.laws}
         known = {law: error for law, error in errors.items() if error is not None}
         return min(known, key=lambda law: known[law]) if known else None
 
     def lost(self, law: str, along: str) -> int:
-        """Return the number of runs that failed or were lost."""
+        """Return the number of runs that failed, or whose error exceeded 20 mm."""
         return sum(run.score is None or run.score.lost for run in self.of(law, along))
 
     def values(self, along: str, measures: Collection[str] = ()) -> list[ShownValue]:
@@ -251,7 +251,7 @@ def assumptions(tunings: Mapping[str, Tuning]) -> Plain:
 
 
 def store_about(folder: Path, about: Keyed) -> None:
-    """Write the compared laws into a folder, and remove the scores of another comparison.
+    """Write the description of a comparison into a folder, and remove the scores of another comparison.
 
     Raises
     ------
@@ -271,7 +271,7 @@ def store_about(folder: Path, about: Keyed) -> None:
 
 
 def read_comparison(folder: str | Path) -> ControlComparison:
-    """Read the folder of a comparison, made by `pneudrive.control.benchmark`.
+    """Read a comparison from the folder that `pneudrive.control.benchmark` wrote.
 
     Parameters
     ----------
@@ -295,7 +295,7 @@ def read_comparison(folder: str | Path) -> ControlComparison:
     place = Path(folder)
     path = place / ABOUT
     if not path.is_file():
-        raise CommandError(f"{place} is not a comparison", rule=f"a folder with {ABOUT}", remedy="Name its --out.")
+        raise CommandError(f"{place} is not a comparison", rule=f"a folder with {ABOUT}", remedy="Give its folder.")
     about = read_json(path, CommandError)
     try:
         asked: Plain = {name: str(about[name]) for name in ("drive", "setup", "mismatch", "spread")}
@@ -367,7 +367,7 @@ def core_hash() -> str:
 
 
 def mark_of(out: Path, tunings: Mapping[str, Tuning]) -> str:
-    """Return an identifier for runs of custom laws. A finished comparison or changed code gives a new one.
+    """Return an identifier for runs of custom laws. It is new if the comparison is finished or the code has changed.
 
     Input files of custom code are unknown and cannot be part of the identifier.
     """
@@ -408,7 +408,7 @@ class Store:
     Attributes
     ----------
     known : dict
-        Key of a run -> its score and the reason of a failure, from earlier lines of the folder.
+        Key of a run -> its score and the reason of its failure, from lines that the folder already has.
     """
 
     def __init__(self, out: Path, *, keeps: bool, mark: str) -> None:
@@ -425,7 +425,7 @@ class Store:
                 file.write("\n")
 
     def run(self, prepared: Prepared, law: str, along: str, seed: int) -> ControlledRun:
-        """Return a stored run, or run it and store it."""
+        """Return a stored run. If it is not stored, simulate and store it."""
         key = key_of(prepared, seed, self.mark)
         plain = re.sub(r"[^A-Za-z0-9]+", "-", f"{law}_{along}").strip("-")[:60]
         file = self.folder / f"{plain}_{seed}_{key[:12]}.parquet"
@@ -507,7 +507,7 @@ def benchmark(
     """Run laws along references with several seeds, and score them.
 
     Each run is a file in ``out/runs``, written completely or not at all. Runs that are already in the folder are not
-    repeated, so an interrupted comparison is resumed. Equal seeds give equal bits, except for the time of a step.
+    repeated, so an interrupted comparison is resumed. Runs with the same seed are bit-identical, except for step times.
     Custom laws are run again after a finished comparison, because their code may read other files.
 
     Parameters
@@ -526,14 +526,14 @@ def benchmark(
     mismatch : Mismatch, str or path-like, optional
         Deviation of the simulated drive from `drive`, as for `pneudrive.control.run`.
     spread : Mismatch, str or path-like, optional
-        ``"standard"``, or a TOML file with ranges. Members, each a different drive, then replace the seeds.
+        ``"standard"``, or a TOML file with ranges. Members replace the seeds, and each member is a different drive.
     members : int, optional
-        Number of members of the spread; 200 by default. Member 7 is the same in every comparison.
+        Number of members of the spread; 200 by default. A member with the same number is the same in every comparison.
     threads : int, optional
         Number of simultaneous runs; by default the number of processors. Results do not depend on it. Custom laws run
         one after the other.
     allow_code : str, optional
-        SHA-256 of the file of a custom law, if only a controller file names it.
+        SHA-256 of the file of a custom law; required if only a controller file names this law.
     progress, cancel : optional
         See `pneudrive.progress.Watch`.
     named : str
@@ -589,7 +589,7 @@ def benchmark(
 
 
 def _truths(first: Prepared, spread: Mismatch | None) -> Callable[[int], Truth]:
-    """Return a function from a seed, or a member of a spread, to the true drive."""
+    """Return a function that gives the true drive for a seed, or for a member of a spread."""
     core_json = first.circuit.core_json()
 
     @lru_cache(maxsize=MOST_TRUTHS)
@@ -611,17 +611,16 @@ def _count(seeds: int, members: int | None, *, is_spread: bool) -> int:
 
 
 def _at_once(threads: int | None, tunings: Mapping[str, Tuning]) -> int:
-    """Return the number of simultaneous runs: one with a custom law, because all runs share an object of the user."""
+    """Return the number of simultaneous runs. With a custom law this is 1, because all runs share its object."""
     at_once = processors() if threads is None else whole_number("threads", threads, 1, MOST_SEEDS)
     has_own = any(tuning.own is not None for tuning in tunings.values())
     return 1 if has_own else at_once
 
 
 def _references_about(to_follow: Mapping[str, Reference]) -> Plain:
-    """Return the texts of references, and the largest distance of each motion from its points."""
+    """Return the texts of references, and the largest distance of each curve from its given points."""
     texts = {along: motion.text for along, motion in to_follow.items()}
-    distances = {along: motion.points_missed_m for along, motion in to_follow.items()}
-    missed = {along: distance for along, distance in distances.items() if distance is not None}
+    missed = {along: far for along, motion in to_follow.items() if (far := motion.points_missed_m) is not None}
     return {"references": texts, "points_missed_m": missed} if missed else {"references": texts}
 
 
@@ -633,7 +632,7 @@ def _run_all(
     threads: int,
     watch: Watch,
 ) -> dict[tuple[str, str, int], ControlledRun]:
-    """Return the runs by law, reference and seed. A file of the folder has a line for each finished run.
+    """Return the runs by law, reference and seed. Write a line for each finished run into a file of the folder.
 
     After an exception, runs that have not begun are cancelled.
     """

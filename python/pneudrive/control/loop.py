@@ -48,10 +48,11 @@ class Demand(NamedTuple):
     Attributes
     ----------
     valve_share : float
-        Largest required opening as a fraction of the full opening; infinite if no opening gives the force.
+        Largest required opening as a fraction of the full opening; infinite if no opening gives the required force.
     valve_at_s : float
+        Time at which the largest opening is required.
     valve_exceeded_s : float
-        Time for which the full opening would not suffice.
+        Total time in which the full opening does not suffice.
     force_share : float
         Largest pressure force as a fraction of the force with one chamber at supply and one at ambient pressure.
     speed_share : float
@@ -85,7 +86,7 @@ class Feasibility(Viewed):
     speeds_m_s : pair of float
         Steady speeds of the drive at full opening in +x and in -x.
     left_out : tuple of str
-        Components that the model does not include, see `Plant`. The fractions ignore their effect.
+        Components that the model does not include, see `Plant`. The fractions ignore the effect of these components.
     """
 
     reference: Reference
@@ -145,12 +146,12 @@ class Feasibility(Viewed):
         if self.left_out:
             limit += f" of a model without {', '.join(self.left_out)}"
         if self.factor == 1.0:
-            return f"not decided: it takes at most {limit}; pneudrive control run shows the error with them"
+            return f"not decided: it takes at most {limit}; pneudrive control run shows the error with these parts"
         beyond = beyond_stroke(self.reference, self.stroke_m)
         if beyond is not None:
             return f"no: {beyond[0]}; {beyond[1]}"
         if self.factor is None:
-            return f"no, at no speed: it always takes more than {limit}"
+            return f"no: at any speed, it does not stay within {limit}"
         slower = self.reference.stretched(self.factor)
         written = "" if slower.pieces else f", as {slower.text}"  # polynomials have no text
         kept = f"slowed by a factor of {rounded_up(self.factor):g}{written}, it takes at most {limit}"
@@ -158,11 +159,11 @@ class Feasibility(Viewed):
 
 
 def _percent(share: float) -> str:
-    return f"{100.0 * share:.0f} %" if share < 1e3 else "more than all"
+    return f"{100.0 * share:.0f} %" if share < 1e3 else "more than 100 %"
 
 
 def _asked(tuning: Tuning, reference: Reference) -> tuple[Demand, float | None]:
-    """Return the demands of a reference and its smallest time stretching; None if stretching does not help."""
+    """Return the demands of a reference, and the smallest factor of time at which it is feasible, or None."""
     seen_s = (
         _PERIODS / reference.frequency_hz if reference.is_sine else reference.duration_s - reference.rest_s + _SEEN_S
     )
@@ -211,20 +212,20 @@ def feasibility(tuning: Tuning, reference: Reference) -> Feasibility:
 # --- Choice of a controller: each is tried on the drive as described and with half of its mass.
 
 #: Reference of the trial, largest error as a fraction of its travel, and factors on the mass (assumed).
-ALONG, MOST, MASSES = "R3", 0.1, {"as described": 1.0, "with 0.5 of its mass": 0.5}
+ALONG, MOST, MASSES = "R3", 0.1, {"as described": 1.0, "with half of its mass": 0.5}
 BASELINES = ("pid", "fuzzy")
 #: Longest tried additional dead time, s, number of bisections, and dead time that a controller should tolerate, s
 #: (assumed).
 LONGEST_LAG_S, HALVINGS, ENOUGH_LAG_S = 8e-3, 5, 1e-3
 #: Advice for determining the parameters of a valve.
-FIND_DELAY = """pneudrive identify DRIVE RECORDING --sensor "command: delay = free" finds it in a recording."""
+FIND_DELAY = """pneudrive identify DRIVE RECORDING --sensor "command: delay = free" identifies it from a recording."""
 SLOWER = f"Measure the dead time of the valve with its electronics. {FIND_DELAY}"
-FIND_SHAPE = "pneudrive identify DRIVE RECORDING --free valve.overlap,valve.leakage finds two of them in a recording."
+FIND_SHAPE = "pneudrive identify DRIVE RECORDING --free valve.overlap,valve.leakage identifies overlap and leakage."
 CYCLE = "limit-cycle"
 
 
 def suitability(drive: DriveOrCircuit, setup: SetupOrFile = "real") -> View:
-    """Try each controller on a drive along R3, with the described mass and with half of it.
+    """Try each controller on a drive along the reference R3, with the described mass and with half of it.
 
     Parameters
     ----------
@@ -235,7 +236,7 @@ def suitability(drive: DriveOrCircuit, setup: SetupOrFile = "real") -> View:
     Returns
     -------
     View
-        Whether each controller suits the drive, with the reason; the best one comes first.
+        Whether each controller suits the drive, with the reason. Those that suit come first, the smallest error leads.
     """
     valves = [one.kind for one in drive.circuit.components.values() if one.kind.startswith("valve/")]
     unfit = "" if valves == ["valve/proportional-5/3"] else "; cannot be exported for these valves"
@@ -246,16 +247,16 @@ def suitability(drive: DriveOrCircuit, setup: SetupOrFile = "real") -> View:
         error_m = max(error_m for error_m, _ in trials.values())
         export = unfit or ("; exported as an FMU only" if law == "nmpc" else "")
         reason = faults[0] if faults else f"errors up to {1e3 * error_m:.3g} mm{export}"
-        tried.append((bool(faults), law in BASELINES, error_m, law, reason))
+        tried.append((bool(faults), error_m, law, reason))
     rows = [
         ShownValue(f"{law}.{name}", law, name, text)
-        for has_failed, is_baseline, _, law, reason in sorted(tried)
+        for has_failed, _, law, reason in sorted(tried)
         for name, text in (
             ("suits", "does not suit" if has_failed else "suits"),
-            ("because", f"a baseline: {reason}" if is_baseline and not has_failed else reason),
+            ("because", f"a baseline: {reason}" if law in BASELINES and not has_failed else reason),
         )
     ]
-    title = f"Each controller along {ALONG}, as described and with half of the mass, simulated; best first"
+    title = f"Each controller along {ALONG}, as described and with half of the mass, simulated; smallest error first"
     return View(title, rows, state="bad" if all(has_failed for has_failed, *_ in tried) else "good")
 
 
@@ -265,7 +266,7 @@ def _trial(
     setup: SetupOrFile,
     deviations: Mapping[str, float | str],
 ) -> tuple[float, str]:
-    """Run a drive that deviates from its description; return the largest error, m, and why it failed, or ""."""
+    """Run a drive that deviates from its description. Return the largest error (m) and the fault, if any."""
     mismatch = Mismatch.model_validate(deviations)
     law, tuning = (controller, None) if isinstance(controller, str) else (None, controller)
     with warnings.catch_warnings():
@@ -277,7 +278,7 @@ def _trial(
             return float("inf"), f"cannot run: {error.what}"
     reach, error_m = prepared.reference.reach(), told["score"]["max_error_m"]
     if told["score"]["lost"]:
-        return error_m, "is lost"
+        return error_m, f"is lost (error {1e3 * error_m:.3g} mm)"
     if any(event["kind"] == CYCLE for event in told["events"]):
         return error_m, "oscillates"
     misses = error_m > MOST * (reach.highest_m - reach.lowest_m)
@@ -285,7 +286,7 @@ def _trial(
 
 
 def view_of_lag(drive: DriveOrCircuit, tuning: Tuning, setup: SetupOrFile) -> View | None:
-    """Return the additional dead time that the controller tolerates, and the possible effect of zero valve parameters.
+    """Return the additional dead time that the controller tolerates, and the effect of valve parameters given as zero.
 
     Parameters
     ----------
@@ -324,7 +325,7 @@ def view_of_lag(drive: DriveOrCircuit, tuning: Tuning, setup: SetupOrFile) -> Vi
             f"{valve}: the largest error along {ALONG} is {errors[0]}, and {errors[1]} with {listed} instead of zero."
         )
         findings.append(Finding(cost, "open", f"Take them from the data sheet. {FIND_SHAPE}"))
-    return View(f"Valve slower than described, or not ideal, {law}, simulated", findings=findings)
+    return View(f"{law} with a valve that is slower than described or not ideal, simulated", findings=findings)
 
 
 # --- A drive under control along a reference. The core runs the sampled loop; this module prepares and labels it.
@@ -337,11 +338,11 @@ LEAST_MISSED_M = 1e-5
 MEANINGS = {
     "reference_m": "reference position",
     "command": "command of the law, as it leaves the converter",
-    "estimated_velocity_m_s": "velocity as the law's observer has it",
-    "disturbance_n": "force that the law's model does not explain, from the observer",
+    "estimated_velocity_m_s": "velocity, estimated by the law's observer",
+    "disturbance_n": "force that the law's model does not explain, estimated by its observer",
     "holds": "1 while the law holds the drive at rest",
     "step_time_s": "time that a step of the law took on this machine",
-    "least_step_time_s": "the same, smallest of its repeats",
+    "least_step_time_s": "shortest time of this step in repeated runs on this machine",
 }
 
 
@@ -370,7 +371,7 @@ def run(
     law: object = None,
     *,
     reference: ReferenceOrFile,
-    setup: SetupOrFile = "real",
+    setup: SetupOrFile | None = None,
     duration: str | float | None = None,
     seed: int = 1,
     controller: ControllerOrFile | Tuning | None = None,
@@ -394,13 +395,14 @@ def run(
         before a run. ``"mine.py:Law"`` names such a class.
     reference : Reference, str or path-like
         See `pneudrive.control.reference`; or the name of a standard one, ``"R1"`` to ``"R6"``.
-    setup : Setup, str or path-like
-        Sensors, converter and computer: ``"ideal"``, ``"real"``, ``"cheap"``, or a TOML file.
+    setup : Setup, str or path-like, optional
+        Sensors, converter and computer: ``"ideal"``, ``"real"``, ``"cheap"``, or a TOML file. Default: that of the
+        controller, otherwise ``"real"``.
     duration : str or float, optional
         ``"12 s"``, or a number of seconds. Default: the longer of 16 s and four periods of a sine, otherwise until 2 s
         after the last move.
     seed : int
-        Seed of all noise. Equal seeds give equal bits, except step_time.
+        Seed of all noise. Runs with the same seed have bit-identical results, except for step times.
     controller : Controller, Tuning, str or path-like, optional
         Instead of `law`: a controller, its TOML file, or the result of `pneudrive.control.tune`.
     believes : Drive or Circuit, optional
@@ -412,7 +414,7 @@ def run(
         Start state. Default: at rest at the reference's first position, with both pressures near the mean of supply and
         ambient pressure and in balance.
     allow_code : str, optional
-        SHA-256 of the file of your law, if only the controller's file names it.
+        SHA-256 of the file of a custom law; required if only the controller file names this law.
     progress, cancel : optional
         See `pneudrive.progress.Watch`.
 
@@ -430,7 +432,7 @@ def run(
     Raises
     ------
     CommandError
-        The reference, the duration, the seed or the tolerance is not valid, or the drive cannot follow the reference.
+        The reference, the duration or the seed is not valid, or the drive cannot follow the reference.
     DescriptionError
         A file is not valid, or the law cannot command the drive.
     SimulationError
@@ -456,7 +458,7 @@ def prepare(
     law: object,
     along: ReferenceOrFile,
     *,
-    setup: SetupOrFile = "real",
+    setup: SetupOrFile | None = None,
     duration: str | float | None = None,
     controller: ControllerOrFile | Tuning | None = None,
     believes: DriveOrCircuit | None = None,
@@ -473,11 +475,11 @@ def prepare(
         raise CommandError(f"{drive.circuit.name} has a platform", remedy="Call pn.control.run_pose.")
     if believes is not None:
         require(believes, "core_json", "believes", 'pn.Drive.load("drive.toml")')
-    read, name = read_setup(setup)
     if isinstance(controller, Tuning):
         tuning = alone(controller, law=law, believes=believes)
     else:
-        tuning = tune(drive, law, setup=read, controller=controller, believes=believes, allow_code=allow_code)
+        tuning = tune(drive, law, setup=setup, controller=controller, believes=believes, allow_code=allow_code)
+    read, name = read_setup(tuning.setup if setup is None else setup)
     parts = {f"sensors.{name}": getattr(read.sensors, name) for name in CHANNEL_UNITS} | {"computer": read.computer}
     for key, part in parts.items():  # with a jitter of one period or more, samples could change their order
         if part is not None and not part.jitter_s < tuning.period_s:
@@ -505,7 +507,7 @@ def prepare(
         truth = mismatched(circuit.core_json(), plant, read, own, drawn)
         without = next(iter(drawn.keys() - truth.values.keys()), "").removesuffix("_b")
         if without:
-            warnings.append(f"mismatch {called}: {without} has no effect, as the setup has no pressure sensors")
+            warnings.append(f"mismatch {called}: {without} has no effect: the setup has no pressure sensors")
     warnings += read.short_of(supply_of(truth.core_json)[0], circuit.ambient.pressure_pa)
     warnings += truth.setup.later_than(seconds)
     for said in warnings:
@@ -514,7 +516,7 @@ def prepare(
 
 
 def run_prepared(prepared: Prepared, seed: int, watch: Watch = UNWATCHED) -> Run:
-    """Run and return unlabelled columns with their provenance and score."""
+    """Simulate a prepared run. Return its columns without labels, with provenance and score."""
     seed = whole_number("seed", seed, 0)
     circuit, tuning, motion = prepared.circuit, prepared.tuning, prepared.reference.core()
     ambient_pa, seconds = circuit.ambient.pressure_pa, prepared.duration_s
@@ -555,7 +557,7 @@ def run_axes(
     watch: Watch,
     own: RunningLaw | None = None,
 ) -> tuple[list[Plain], Array, float]:
-    """Run axes of one circuit under control; return columns of each axis, outputs, and consumed air, kg.
+    """Run axes of one circuit under control. Return the columns of each axis, the outputs, and the consumed air (kg).
 
     Parameters
     ----------
@@ -604,7 +606,7 @@ def _beyond_switches(setup: Setup, along: Reference, stroke_m: float) -> Iterato
     reach = along.reach()
     if not low_m <= reach.lowest_m <= reach.highest_m <= high_m:
         leads = f"{1e3 * reach.lowest_m:g} mm to {1e3 * reach.highest_m:g} mm"
-        yield f"{said}: the reference goes from {leads}; beyond a switch only commands back are allowed"
+        yield f"{said}: the reference goes from {leads}; beyond a switch, only commands that lead back are allowed"
 
 
 def _missed(along: Reference, setup: Setup) -> Iterator[str]:
@@ -628,7 +630,7 @@ def provenance_of(circuit: Circuit, tuning: Tuning, setup: tuple[Setup, str], re
         "reference": reference,
         "simulated": "yes",
         "citations": list(circuit.cited),
-        "assumed": [*circuit.assumed(), *assumed, "supervisor: its thresholds and times"],
+        "assumed": [*circuit.assumed(), *assumed, "thresholds and times of the supervisor"],
         "labels": dict(circuit.labels),
         INPUTS: inputs_of(tuning.belief),
     }

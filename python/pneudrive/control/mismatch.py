@@ -35,13 +35,13 @@ ABOVE_ZERO = Bounds(above=0.0)
 
 @dataclass(frozen=True)
 class ValueOrRange(Quantity):
-    """Annotation of a value, or of a range such as ``"75 Hz .. 125 Hz"``, sampled uniformly. It stores both ends."""
+    """Annotation of a value, or of a uniformly sampled range such as ``"75 Hz .. 125 Hz"``. Both ends are stored."""
 
     si_unit: str = ""
     bounds: Bounds = ABOVE_ZERO
 
     def read(self, given: object) -> Interval:  # type: ignore[override]
-        """Convert and check."""
+        """Read a value or a range, and return both ends in SI."""
         ends: list[Any] = [end.strip() for end in given.split("..")] if isinstance(given, str) else [given]
         if len(ends) > 2 or "" in ends:
             raise DescriptionError(f'"{given}" is not a range', remedy='Write "0.8 .. 1.2".')
@@ -56,12 +56,12 @@ class ValueOrRange(Quantity):
         return low, high
 
     def show(self, value: Interval) -> str | float:  # type: ignore[override]
-        """Write the value as users would."""
+        """Return a value or a range in the form that users write."""
         ends = [Quantity.show(self, end) for end in value]
         return ends[0] if ends[0] == ends[1] else " .. ".join(e if isinstance(e, str) else f"{e:g}" for e in ends)
 
     def schema(self) -> Plain:
-        """Return the JSON schema of the form that users write."""
+        """Return the JSON schema of a value or a range in the form that users write."""
         form = {"type": "string", "x-unit": self.si_unit} if self.si_unit else {"type": ["number", "string"]}
         return form | {"description": "a value, or a range LOW .. HIGH"}
 
@@ -79,7 +79,7 @@ def _factor(of: str) -> Any:  # noqa: ANN401 - pydantic's own
 class Mismatch(Described):
     """Deviations of a drive from its description.
 
-    Each deviation is a number, or a range from which the members of a spread are drawn uniformly.
+    Each deviation is a number, or a range that is sampled uniformly for the members of a spread.
 
     Examples
     --------
@@ -138,7 +138,7 @@ class Mismatch(Described):
         Returns
         -------
         dict
-            Name -> value; those of the second pressure sensor end in ``_b``.
+            Name -> value; names for the second pressure sensor end in ``_b``.
         """
         shares = np.random.Generator(np.random.Philox(key=[seed, member])).random(len(DRAWS))
         out = {}
@@ -246,7 +246,7 @@ def mismatched(core_json: str, plant: Plant, setup: Setup, mismatch: Mismatch, d
 
 
 def _other_law(word: str, friction: Keyed) -> Plain:
-    """Return friction with another law, which keeps the shared parameters. Formulas are dropped."""
+    """Return friction with another law. Parameters that both laws have are kept, and formulas are dropped."""
     law, has = friction_laws()[word], dict(friction["parameters"])
     if friction.get("elements"):
         has["bristle_stiffness"] = sum(one["stiffness_n_m"] for one in friction["elements"])
@@ -263,7 +263,7 @@ def _other_law(word: str, friction: Keyed) -> Plain:
 
 
 def _supply(form: Plain, drawn: NamedNumbers, conductance: float) -> NamedNumbers:
-    """Change the supply in place; return the start state of the volume downstream of it."""
+    """Change the supply in place, and return the start state of the added volume downstream of the supply."""
     reservoirs = [one for one in form["components"] if one["kind"].startswith("reservoir")]
     for one in reservoirs:
         one["numbers"]["pressure"] *= drawn.get("supply_pressure", 1.0)
@@ -298,7 +298,7 @@ def _sensors(setup: Setup, mismatch: Mismatch, drawn: NamedNumbers) -> Setup:
 
 
 def _added(*each: Sequence[Disturbance]) -> tuple[Disturbance, ...]:
-    """Add two stepwise forces. Each value acts from its time until the next one of the same force."""
+    """Add stepwise forces. Each value acts from its time until the next value of the same force."""
 
     def force_n(of: Sequence[Disturbance], at_s: float) -> float:
         return next((one.force_n for one in reversed(of) if one.at_s <= at_s), 0.0)
@@ -314,7 +314,7 @@ def ready_mismatches() -> dict[str, Path]:
 
 
 def read_mismatch(given: MismatchOrFile) -> tuple[Mismatch, str]:
-    """Read a mismatch: a name of the package, or a TOML file.
+    """Read a mismatch of the package by its name, or a TOML file.
 
     Parameters
     ----------
@@ -324,7 +324,7 @@ def read_mismatch(given: MismatchOrFile) -> tuple[Mismatch, str]:
     Returns
     -------
     Mismatch, str
-        The mismatch, and its name: a name of the package, the file, or ``"own"``.
+        The mismatch and its name, which is that in the package, that of the file, or ``"own"`` for a given object.
 
     Raises
     ------
@@ -340,7 +340,7 @@ def read_mismatch(given: MismatchOrFile) -> tuple[Mismatch, str]:
 
 
 def one_value(mismatch: Mismatch, name: str) -> NamedNumbers:
-    """Return the values of a mismatch without spreads.
+    """Return the values of a mismatch without ranges.
 
     Raises
     ------

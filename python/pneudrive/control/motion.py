@@ -44,10 +44,10 @@ def blended(begin_s: float, duration_s: float, start_m: float, to_m: float) -> l
 
 
 def within_limits(begin_s: float, start_m: float, to_m: float, limits: tuple[float, ...]) -> list[Row]:
-    """Return the fastest move of 15 pieces of constant snap within limits of velocity, acceleration, jerk and snap, SI.
+    """Return the fastest move of 15 pieces of constant snap within limits of velocity, acceleration, jerk and snap.
 
-    The snap is applied for t_s; the jerk is then held for t_j, the acceleration for t_a, and the velocity for t_v. In
-    this order, each time is made as long as the limits and the distance allow.
+    Values are in SI. The snap is applied for t_s; the jerk is then held for t_j, the acceleration for t_a, and the
+    velocity for t_v. In this order, each time is made as long as the limits and the distance allow.
 
     Examples
     --------
@@ -89,7 +89,7 @@ def within_limits(begin_s: float, start_m: float, to_m: float, limits: tuple[flo
 
 
 def _longest(fits: Callable[[float], bool]) -> float:
-    """Return the longest time that fits; 0 if no time does."""
+    """Return the longest time that `fits` accepts, or 0 if it accepts no time."""
     low, high = 0.0, 1e-6
     while fits(high):
         low, high = high, 2.0 * high
@@ -193,13 +193,13 @@ class ReferenceMove(NamedTuple):
 
 
 class Reach(NamedTuple):
-    """Range of a reference, and the speed that is the largest fraction of that of a drive in the same direction.
+    """Range of a reference, and its highest speed relative to the speed of a drive in the same direction.
 
     Attributes
     ----------
     lowest_m, highest_m, fastest_m_s : float
     share : float
-        The fraction; above `NEVER` if the drive does not move in this direction.
+        This speed relative to that of the drive; above `NEVER` if the drive does not move in this direction.
     at_s : float
         Time of this speed.
     """
@@ -226,7 +226,7 @@ class Reference(Shown):
     amplitude_m, frequency_hz : float
         Amplitude and frequency of a sine, which grows from zero within its first period; 0 for moves.
     rest_s : float
-        Rest after the last move, if a run has no stated duration.
+        Time of rest after the last move in a run without a stated duration.
     pieces : tuple
         Polynomials.
     points_missed_m : float or None
@@ -249,7 +249,7 @@ class Reference(Shown):
 
     @property
     def duration_s(self) -> float:
-        """Default duration of a run: the longer of 16 s and four periods of a sine, or 2 s after the last move."""
+        """Default duration of a run: the longer of 16 s and four periods of a sine, or 2 s more than the moves."""
         if self.is_sine:
             return max(SINE_S, SINE_PERIODS / self.frequency_hz)
         ends = [move.end_s for move in self.moves[-1:]]
@@ -266,11 +266,11 @@ class Reference(Shown):
         return {"kind": "moves", "start_m": self.start_m, "moves": [list(move) for move in self.moves]}
 
     def at(self, times_s: Sequence[float] | Array) -> Array:
-        """Return position, velocity, acceleration and jerk at times, shape (n, 4), SI."""
+        """Return position, velocity, acceleration and jerk at given times, in SI units, with the shape (n, 4)."""
         return _core.reference_at(json.dumps(self.core()), np.ascontiguousarray(times_s, dtype=float))
 
     def reach(self, speeds_m_s: Pair = (1.0, 1.0)) -> Reach:
-        """Return range and highest speed, the latter in relation to the speeds of a drive in +x and in -x, m/s."""
+        """Return range and highest relative speed, see `Reach`, for a drive with these speeds (m/s) in +x and in -x."""
         if self.is_sine:
             times = np.linspace(0.0, _PERIODS / self.frequency_hz, int(_PERIODS) * _EVERY + 1)
         else:
@@ -313,7 +313,7 @@ class Reference(Shown):
 
 
 def speed_shares(velocity_m_s: Array, speeds_m_s: Pair) -> Array:
-    """Return velocities as fractions of the speeds of a drive in +x and in -x, m/s, each in its direction."""
+    """Return velocities as fractions of a drive's speed in the same direction, from its speeds in +x and -x (m/s)."""
     return np.abs(velocity_m_s) / np.where(velocity_m_s > 0.0, *np.maximum(speeds_m_s, LEAST_M_S))
 
 
@@ -323,7 +323,7 @@ def rounded_up(factor: float) -> float:
 
 
 def moves_of(motion: Keyed) -> list[ReferenceMove]:
-    """Return the moves of a motion in the core's form: from one rest to the next. A sine has no moves."""
+    """Return the moves of a motion in the core's form. A move lasts from one rest to the next. A sine has no moves."""
     if motion["kind"] == "moves":
         return [ReferenceMove(*one) for one in motion["moves"]]
     found: list[ReferenceMove] = []
@@ -353,7 +353,7 @@ def ways_of(motion: Keyed) -> list[ReferenceMove]:
 
 
 def _extremes(piece: Row) -> list[Pair]:
-    """Return times and positions at which a piece may reverse, and its end."""
+    """Return time and position of each point at which a piece may reverse, and of the end of the piece."""
     begin_s, duration_s, *numbers = piece
     path = np.polynomial.Polynomial(numbers)
     roots = path.deriv().roots()
@@ -363,7 +363,7 @@ def _extremes(piece: Row) -> list[Pair]:
 
 
 def _turns(points: Sequence[Pair]) -> list[Pair]:
-    """Return the reversals of a path by more than `TURN_M`, and its last extreme position."""
+    """Return the points at which a path reverses by more than `TURN_M`, and its last extreme position."""
     found, far, way = [], points[0], 0.0
     for point in points[1:]:
         ahead = point[1] - far[1]

@@ -46,7 +46,7 @@ class RunningLaw:
     stopped: BaseException | None = None
 
     def call(self, values: tuple[float, ...]) -> float:
-        """Return the command."""
+        """Return the command for the values of the inputs, or NaN if the law fails."""
         try:
             given = self.step(values)
         except (Exception, SystemExit) as error:
@@ -77,7 +77,7 @@ class OwnLaw:
     name : str
         ``"mine.py:Law"``, or the name of its class.
     digest : str
-        Hash of the file with the law. An object cannot be hashed, and gets a new identifier each time.
+        Hash of the file with the law. An object cannot be hashed, so it gets a new identifier each time.
     """
 
     name: str
@@ -85,7 +85,7 @@ class OwnLaw:
     given: Any = field(repr=False, compare=False)  # the law, or a class or a function that makes one for a run
 
     def begin(self, model: object, motion: Keyed, period_s: float) -> RunningLaw:
-        """Start a run."""
+        """Prepare the law for a run: make its object, check its inputs, and call its ``start`` if it has one."""
         name = self.name
         law = own_code.guarded(name, CommandError, self.given) if callable(self.given) else self.given
         inputs = _inputs(name, law)
@@ -114,14 +114,14 @@ def is_own(given: object) -> bool:
 
 
 def own_law(given: object, *, allow_code: str | None = None, found_in: str = "") -> OwnLaw:
-    """Return a custom law.
+    """Load a custom law and check it.
 
     Parameters
     ----------
     given : object or str
-        A class, an object of one, ``"mine.py:Law"`` or ``"package.module:Law"``.
+        A class, an instance, ``"mine.py:Law"`` or ``"package.module:Law"``.
     allow_code : str, optional
-        SHA-256 of a code file that may run although only another file, not the user, names it.
+        SHA-256 of a code file. It allows code to run that the user has not named, but another file.
     found_in : str
         File that names the code; empty if the user of this run has named it.
 
@@ -149,7 +149,7 @@ def _inputs(name: str, law: object) -> list[str]:
     Raises
     ------
     CommandError
-        If the object is not a law, or a name is not the name of a signal, or occurs twice.
+        The object is not a law, or an input is not a known signal or is listed twice.
     """
     known = list(signals())
     inputs, step = own_code.guarded(

@@ -86,10 +86,10 @@ class ReferenceFile(Described):
             raise wrong("points", "there is one point", rule="at least two points")
         for number, (before, after) in enumerate(pairwise(self.points), start=1):
             if not after.at_s > before.at_s:
-                raise wrong(f"points.{number}.at", f"{after.at_s:g} s follows {before.at_s:g} s", rule="times rise")
+                raise wrong(f"points.{number}.at", f"{after.at_s:g} s follows {before.at_s:g} s", rule="times increase")
         for number, move in enumerate(self.moves):
             if move.duration_s is None and self.limits is None:
-                raise wrong(f"moves.{number}.duration", "duration is missing", remedy="Give it, or a table [limits].")
+                raise wrong(f"moves.{number}.duration", "duration is missing", remedy="Give duration or [limits].")
         if self.limits is not None and all(move.duration_s is not None for move in self.moves):
             raise invalid("limits", "control.limits")
         return self
@@ -147,6 +147,8 @@ def moves_of_text(text: str, si_unit: str) -> motion.Reference:
     CommandError
         The text is not valid, or a move begins before the previous one ends.
     """
+    if re.search(r"[a-z]\s*,", text):
+        raise CommandError.of("control.comma", text=text, written=text.replace(",", ";"))
     first, *rest = (entry.strip() for entry in text.split(";"))
     start, moves = _quantity(first, si_unit, text), []
     for entry in filter(None, rest):
@@ -260,7 +262,7 @@ def _checked(text: str, start_m: float, moves: list[motion.ReferenceMove]) -> mo
 
 
 def beyond_stroke(of: motion.Reference, stroke_m: float) -> tuple[str, str] | None:
-    """Return the position of a reference beyond the stroke, and the rule that it breaks.
+    """Return, as text, the position of a reference beyond the stroke, and the rule that it breaks.
 
     Return None if the reference stays within the stroke.
     """

@@ -50,15 +50,15 @@ class Score(Viewed):
     rest_error_m : float or None
         Mean absolute error in the last 0.2 s before the next move; the largest of all moves.
     hunting_m : float or None
-        Largest peak-to-peak position in the last 0.6 s before the next move, or after 10 s of rest.
+        Largest peak-to-peak position in the last 0.6 s before the next move; in a long rest, from its tenth second on.
     slips : int or None
-        Number of times that the speed rose above 1 mm/s in these spans.
+        Number of times that the speed rose above 1 mm/s in the spans of `hunting_m`.
     overshoot_m : float or None
-        Largest overshoot beyond the end of a move, or beyond its reversal.
+        Largest overshoot beyond the end of a move, or beyond a reversal within it.
     iae_m_s, itae_m_s2 : float
         Integrals of the absolute error, and of time times the absolute error.
     valve_travel_per_s : float
-        Sum of the changes of the command, per second.
+        Sum of the absolute changes of the command, per second.
     saturated_share : float
         Fraction of the samples with the command at its limit.
     air_anr_m3_s, exergy_w : float or None
@@ -69,7 +69,7 @@ class Score(Viewed):
     step_median_s, step_999_s, step_worst_s : float
         Computing time of a step of the law on this machine: median, 99.9 %, worst. It differs from run to run.
     step_undisturbed_s : float
-        Worst step over the shortest time of each step in repeated runs. Equal to `step_worst_s` without repeats.
+        Longest step, if each step counts with its shortest time in repeated runs. `step_worst_s` without repeats.
     lost : bool
         Whether the error exceeded 20 mm.
     """
@@ -117,7 +117,7 @@ THOUSAND, _LARGER = 1e3, {"um": "mm", "ms": "s", "us": "ms"}
 
 
 def written(name: str, value: float | None) -> str:
-    """Write a measure with its unit; empty if it does not apply to the reference.
+    """Return a measure with its unit as text; empty if it does not apply to the reference.
 
     Examples
     --------
@@ -139,7 +139,7 @@ LEADING = ("rmse_m", "max_error_m", "settling_100_um_s", "rest_error_m", "air_an
 
 
 def view_of_score(about: Keyed) -> View:
-    """Return the view of score and events of a run under control, from its provenance, without figures."""
+    """Return a view of score and events of a run under control without figures. `about` is the run's provenance."""
     score = Score(**about["score"])
     texts = {name: written(name, getattr(score, name)) for name in SHOWN}
     motion = about.get("motion", {})
@@ -223,7 +223,7 @@ SCORED = (
 
 
 def score_of(time: Array, of: Mapping[str, Array], motion: Keyed, air: NamedNumbers | None = None) -> Score:
-    """Score arrays over time, s, by name; `motion` is the reference in the core's form, `air` is from `air_of`."""
+    """Return the score of columns over time. `motion` is the reference in the core's form, `air` is from `air_of`."""
     x, command = of["position"], of["command"]
     error = of["reference"] - x
     scored = error[time >= time[-1] - _last_s(motion)]
@@ -261,16 +261,11 @@ def score_of(time: Array, of: Mapping[str, Array], motion: Keyed, air: NamedNumb
 
 
 def _last_s(motion: Keyed) -> float:
-    """Return the time at the end of a run in which RMSE and largest error are scored, s."""
+    """Return the length (s) of the last part of a run, in which RMSE and largest error are scored."""
     return max(LAST_S, 1.0 / motion["frequency_hz"]) if motion["kind"] == "sine" else math.inf
 
 
-def air_of(
-    mass_kg: float,
-    supply: Pair,
-    ambient: Pair,
-    gas: Pair,
-) -> NamedNumbers:
+def air_of(mass_kg: float, supply: Pair, ambient: Pair, gas: Pair) -> NamedNumbers:
     """Return volume and exergy of the air, or other gas, drawn from a reservoir.
 
     Flow exergy of an ideal gas, e = cp (T - T0) - T0 (cp ln(T/T0) - R ln(p/p0)).
@@ -279,9 +274,9 @@ def air_of(
     ----------
     mass_kg : float
     supply, ambient : tuple of float
-        Absolute pressure, Pa, and temperature, K.
+        Absolute pressure (Pa) and temperature (K).
     gas : tuple of float
-        Heat capacity ratio, and gas constant, J/(kg K).
+        Heat capacity ratio, and gas constant in J/(kg K).
 
     Returns
     -------
@@ -313,7 +308,7 @@ def _spans(of: _Moves, end_s: float) -> Iterator[tuple[ReferenceMove, float, flo
 
 
 def _of_moves(time: Array, x: Array, v: Array, error: Array, of: _Moves) -> Plain:
-    """Measure the time after each move: settling, rest, hunting."""
+    """Return settling times, error at rest, hunting and slips after the moves."""
     found: dict[str, list[float]] = {name: [] for name in ("rest_error_m", "hunting_m", "slips")}
     settling: dict[float, list[float]] = {band: [] for band in BANDS_M}
     for move, _, until in _spans(of, float(time[-1])):

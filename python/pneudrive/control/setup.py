@@ -46,7 +46,7 @@ class PositionSensor(Described):
 
     table_name = "sensors.position"
     resolution_m: Annotated[float | None, _mark("encoder", "resolution")] = Field(
-        default=None, description="distance of two counts; absent: it shows the position itself"
+        default=None, description="distance between two counts; absent: no rounding"
     )
     noise_m: Annotated[float, marks.Quantity("m", bounds=NOT_NEGATIVE)] = Field(
         default=0.0, description="standard deviation"
@@ -93,18 +93,18 @@ class ControlSensors(Described):
 
 
 class CommandConverter(Described):
-    """Converter of the command."""
+    """Converter that rounds the command to its resolution."""
 
     table_name = "converter"
     bits: Bits = Field(default=None, description="resolution over -1 .. 1; absent: none")
 
 
 class ControlComputer(Described):
-    """Computer of the law."""
+    """Computer that runs the law."""
 
     table_name = "computer"
     time_s: Seconds = Field(default=0.0, description="from a sample to its command; shorter than the period")
-    jitter_s: Seconds = Field(default=0.0, description="standard deviation of that time, which only grows by it")
+    jitter_s: Seconds = Field(default=0.0, description="standard deviation of a random delay added to this time")
 
 
 class LimitSwitches(Described):
@@ -156,7 +156,7 @@ class ControlFault(Described):
         return self
 
     def core(self) -> Plain:
-        """Return the fault in the core's form, in SI. Its pressure is absolute or a difference, never gauge."""
+        """Return the fault in the core's form, in SI. A pressure is absolute or a difference, never gauge."""
         unit = FAULTS[self.kind][1]
         si_unit = CHANNEL_UNITS[self.channel] if self.channel is not None and unit == "channel" else unit
         given, is_absolute = self.value, self.kind in ABSOLUTE
@@ -184,9 +184,17 @@ class Disturbance(Described):
 
 
 class Setup(Described):
-    """Instrumentation of a run under control. The package has ``ideal``, ``real`` and ``cheap``.
+    """Instrumentation of a run under control. The package contains ``ideal``, ``real`` and ``cheap``.
 
-    The values in these three files are assumed.
+    The values in these three files are assumed. A file has these tables and keys, all optional.
+
+    - ``about`` is free text.
+    - ``[sensors.position]`` has resolution, noise and jitter.
+    - ``[sensors.pressure_a]`` and ``[sensors.pressure_b]`` have range (needed), bits, noise, zero, gain_error, lag and
+      jitter.
+    - ``[converter]`` has bits, ``[computer]`` time and jitter, ``[switches]`` low and high.
+    - Each ``[[disturbances]]`` has at and force.
+    - Each ``[[faults]]`` has kind, channel, at, until and value.
 
     Examples
     --------
@@ -219,8 +227,8 @@ class Setup(Described):
         """Return a warning if the range of the pressure sensors ends below the supply pressure; else an empty list."""
         ranges = [one.range_pa for one in (self.sensors.pressure_a, self.sensors.pressure_b) if one is not None]
         top = ambient_pa + min(ranges, default=math.inf)
-        ends = f"The pressure sensors of the setup end at {1e-5 * top:.4g} bar abs, below the supply"
-        said = f"{ends} of {1e-5 * supply_pa:.4g} bar abs: at higher pressures they count as faulty"
+        ends = f"The range of the pressure sensors ends at {1e-5 * top:.4g} bar abs, below the supply pressure"
+        said = f"{ends} of {1e-5 * supply_pa:.4g} bar abs: at higher pressures the sensors count as faulty"
         return [said] if top < supply_pa else []
 
     def later_than(self, end_s: float) -> list[str]:
@@ -233,7 +241,7 @@ class Setup(Described):
         ]
 
     def core(self, seed: int, ambient_pa: float) -> Plain:
-        """Return the instrumentation in the core's form, SI, with the seed of all noise and the ambient pressure."""
+        """Return the instrumentation in the core's form, in SI, with the seed of all noise and the ambient pressure."""
         a, b = self.sensors.pressure_a, self.sensors.pressure_b
         jitter = [self.sensors.position.jitter_s, 0.0, 0.0, self.computer.jitter_s]
         if a is not None and b is not None:
@@ -264,7 +272,7 @@ def ready_setups() -> dict[str, Path]:
 
 
 def read_setup(given: SetupOrFile) -> tuple[Setup, str]:
-    """Read a setup: a name of the package, or a TOML file.
+    """Read a setup of the package by its name, or a TOML file.
 
     Parameters
     ----------
@@ -274,7 +282,7 @@ def read_setup(given: SetupOrFile) -> tuple[Setup, str]:
     Returns
     -------
     Setup, str
-        The setup, and its name: a name of the package, the file, or ``"own"``.
+        The setup and its name, which is that in the package, that of the file, or ``"own"`` for a given object.
 
     Raises
     ------
@@ -327,7 +335,7 @@ class ControlLimits(Described):
 
     table_name = "limits"
     position: Annotated[Interval | None, marks.Between("m", "mm")] = Field(
-        default=None, description="positions that it may reach; absent: its stroke"
+        default=None, description="positions that the drive may reach; absent: its stroke"
     )
     speed_m_s: Annotated[float | None, marks.Quantity("m/s", "m/s", marks.Bounds(above=0.0))] = Field(
         default=None, description="largest speed; absent: none"
@@ -339,18 +347,18 @@ class ControlLimits(Described):
 
 
 class MotionComplete(Described):
-    """Conditions of a complete motion, and the time after which an incomplete motion is reported."""
+    """Conditions under which a motion is complete, and the time after which an incomplete motion is reported."""
 
     table_name = "motion"
-    tolerance_m: marks.Length = Field(default=1e-4, description="error within which it has settled; assumed")
-    settled_for_s: Annotated[float, _SECONDS] = Field(default=0.05, description="for how long; assumed")
+    tolerance_m: marks.Length = Field(default=1e-4, description="error within which the drive has settled; assumed")
+    settled_for_s: Annotated[float, _SECONDS] = Field(default=0.05, description="time within this error; assumed")
     timeout_s: Annotated[float, _SECONDS] = Field(
         default=2.0, description="time to move by 1 mm, or to settle; assumed"
     )
 
 
 class OnFault(Described):
-    """Reaction to a fault: it is reported, the drive is stopped by a ramp, or the valve is shut."""
+    """Reaction to a fault: the fault is reported, the drive is stopped by a ramp, or the valve is shut."""
 
     table_name = "on_fault"
     position: Annotated[str, marks.Choice(("stop", "block"))] = Field(
@@ -363,7 +371,7 @@ class OnFault(Described):
         default="block", description="valve does not answer"
     )
     supply: Annotated[str, marks.Choice(("tell", "stop", "block"))] = Field(
-        default="block", description="supply has fallen; block: only when it no longer fills a chamber"
+        default="block", description="supply pressure has fallen; block: only when the supply no longer fills a chamber"
     )
     law: Annotated[str | None, marks.Choice(tuple(_core.control_laws()))] = Field(
         default=None, description="replaces a failed controller; absent: inversion, except for custom controllers"

@@ -10,6 +10,7 @@ from pneudrive import __version__, _core
 from pneudrive.control.references import ReferenceOrFile, check_reach, named_or_read
 from pneudrive.control.setup import Setup, SetupOrFile, read_setup
 from pneudrive.errors import CommandError, nearest, package_table
+from pneudrive.files.content import rendered
 from pneudrive.files.writing import make_result_folder
 from pneudrive.fmu.variables import TIME, FmuCode, FmuPlan, FmuVariable
 from pneudrive.simulation.simulate import require
@@ -19,31 +20,12 @@ if TYPE_CHECKING:
     from pneudrive.control.motion import Reference
     from pneudrive.control.tuning import Tuning
 
-#: Languages: word of an option -> description.
-LANGUAGES = {
-    "c": "C99, a header and a source file",
-    "st": "structured text, a function block",
-    "fmu": "a Functional Mock-up Unit for co-simulation",
-}
+LANGUAGES = ("c", "st", "fmu")  # C99; structured text; Functional Mock-up Unit for co-simulation
 #: Words that cannot be names in structured text.
 RESERVED = frozenset(package_table(__file__, "structured_text.toml")["reserved"].split())
+_OF_A_NAME = "a name of source code consists of letters, digits and underscores, and begins with a letter"
 #: Inputs and outputs of an FMU of `nmpc`: name, unit, meaning.
-_INPUTS = (
-    ("position", "m", "measured position of the piston, from the end of chamber a"),
-    ("pressure_a", "Pa", "measured pressure in chamber a, absolute"),
-    ("pressure_b", "Pa", "measured pressure in chamber b, absolute"),
-    ("enabled", "1", "above 0.5: the drive may move"),
-    ("emergency_stop", "1", "above 0.5: the drive has to stop"),
-)
-_OUTPUTS = (
-    ("command", "1", "command to the valve, -1 .. 1, of the last sample"),
-    ("reference", "m", "reference position at the last sample"),
-    ("reference_velocity", "m/s", "reference velocity at the last sample"),
-    ("estimated_velocity", "m/s", "velocity of the piston as the observer has it"),
-    ("disturbance", "N", "force on the piston that the model does not explain"),
-    ("holds", "1", "1 while the law holds the drive at rest, else 0"),
-    ("events", "1", "number of events that the supervisor has reported"),
-)
+VARIABLES: dict[str, list[tuple[str, str, str]]] = package_table(__file__, "fmu_of_nmpc.toml")
 
 
 def export(
@@ -51,7 +33,7 @@ def export(
     to: Literal["c", "st", "fmu"],
     out: str | Path,
     *,
-    setup: SetupOrFile = "real",
+    setup: SetupOrFile | None = None,
     along: ReferenceOrFile | None = None,
     version: str = "2.0",
     name: str | None = None,
@@ -72,18 +54,19 @@ def export(
         ``"c"``, ``"st"`` or ``"fmu"``.
     out : path-like
         Folder, which is made if it does not exist; for an FMU, a file ending in ``.fmu``.
-    setup : Setup, str or path-like
+    setup : Setup, str or path-like, optional
         The position sensor decides the gain of the observer. Without pressure sensors, the code has no inputs for them.
+        Default: that of the tuning.
     along : Reference, str or path-like, optional
         Reference of an FMU of ``nmpc``, as for `pneudrive.control.run`. Other controllers get the reference as inputs.
     version : str
         ``"2.0"`` or ``"3.0"``, of the Functional Mock-up Interface.
     name : str, optional
-        Name of the source files, and begin of the names in them, such as ``"left_axis"``; not for FMUs. By default
+        Name of the source files, and prefix of the names in them, such as ``"left_axis"``; not for FMUs. By default
         ``"pneudrive_<law>"``. Axes in one program need different names.
     precision : str
-        ``"double"``, which has the bits of the simulation, or ``"single"``: C with ``float``, for processors whose
-        floating-point unit has single precision only, such as Cortex-M4F.
+        ``"double"``, with results that are bit-identical to the simulation, or ``"single"``: C with ``float``, for
+        processors whose floating-point unit has single precision only, such as Cortex-M4F.
 
     Returns
     -------
@@ -101,20 +84,18 @@ def export(
     >>> import pneudrive as pn
     >>> tuning = pn.control.tune(pn.Drive.load("catalogue:reference"), "super-twisting")
     >>> [path.name for path in pn.control.export(tuning, "c", tempfile.mkdtemp())]
-    ['pneudrive_super_twisting.h', 'pneudrive_super_twisting.c', 'pneudrive_math.h', 'conformance.txt']
+    ['pneudrive_super_twisting.h', 'pneudrive_super_twisting.c', 'pneudrive_math.h', 'conformance.txt', 'example.c']
     """
     if to not in LANGUAGES:
         raise CommandError(f'there is no language "{to}"', remedy=nearest(to, LANGUAGES))
     require(tuning, "plant", "tuning", "pn.control.tune(drive)")
-    read, _ = read_setup(setup)
+    read, called = read_setup(tuning.setup if setup is None else setup)
     if name is not None and to == "fmu":
         raise CommandError("the files of an FMU cannot have another name", remedy="Leave the name out.")
     if name is not None:
-        rule = "a name of source code consists of letters, digits and underscores, and begins with a letter"
-        is_name = name.isidentifier() and name.isascii()
-        if is_name and to == "st" and name.upper() in RESERVED:
-            is_name, rule = False, "structured text reserves this word"
-        if not is_name:
+        is_reserved = to == "st" and name.upper() in RESERVED
+        if is_reserved or not (name.isidentifier() and name.isascii()):
+            rule = "structured text reserves this word" if is_reserved else _OF_A_NAME
             raise CommandError.of("control.name_of_code", name=name, rule=rule)
     if precision != "double" and (to, precision) != ("c", "single"):
         raise CommandError.of("control.precision", to=to, precision=precision)
@@ -128,26 +109,33 @@ def export(
 
         target = check_fmu(out, version)
         if along is None:
-            plan = code_plan(tuning, *_written(tuning, read, "c"))
+            plan = code_plan(tuning, *_written(tuning, read, called, "c"))
         else:
             to_follow = named_or_read(along, *tuning.reach)
             check_reach(to_follow, *tuning.reach)
             plan = law_plan(tuning, to_follow, read)
         return [write_fmu(plan, target, version).path]
-    files, _ = _written(tuning, read, "c-single" if precision == "single" else to, name)
+    files, _ = _written(tuning, read, called, "c-single" if precision == "single" else to, name)
+    if to == "c" and name != "example":
+        places = {"name": files[0][0].removesuffix(".h"), "real": "float" if precision == "single" else "double"}
+        example = rendered(Path(__file__).with_name("example.c.jinja"), {}, tuning=tuning, setup=read, **places)
+        files.append(("example.c", example))
     folder = Path(out)
     make_result_folder(folder)
     return [write_whole(folder / name, text, "ascii") for name, text in files]
 
 
 def _written(
-    tuning: Tuning, setup: Setup, to: Literal["c", "c-single", "st"], name: str | None = None
+    tuning: Tuning, setup: Setup, called: str, to: Literal["c", "c-single", "st"], name: str | None = None
 ) -> tuple[list[tuple[str, str]], list[tuple[str, str, str, str, float]]]:
     """Return the files of a controller, and the variables of its code."""
+    if tuning.law == "nmpc":
+        raise CommandError.of("control.nmpc_source")
     belief = tuning.belief
     form = setup.core(0, belief.ambient.pressure_pa)
     without = f" It does not model {', '.join(tuning.plant.left_out)}." if tuning.plant.left_out else ""
-    about = f"For {belief.name}, description {belief.description_hash}; pneudrive {__version__}.{without}"
+    made = f"description {belief.description_hash}, setup {called}; pneudrive {__version__}"
+    about = f"For {belief.name}, {made}.{without}"
     about = about.replace("*", "").encode("ascii", "replace").decode()
     try:
         return _core.control_export(json.dumps(tuning.core()), json.dumps(form), to, about, name)
@@ -209,10 +197,10 @@ def law_plan(tuning: Tuning, reference: Reference, setup: Setup) -> FmuPlan:
         starts |= {"pressure_a": rest_pa, "pressure_b": rest_pa}
     inputs = [
         FmuVariable(*row, "input", {"role": "input", "of": row[0], "discrete": False}, starts[row[0]])
-        for row in _INPUTS
+        for row in VARIABLES["inputs"]
         if row[0] in starts
     ]
-    outputs = [FmuVariable(*row, "output", {"role": "output", "of": row[0]}) for row in _OUTPUTS]
+    outputs = [FmuVariable(*row, "output", {"role": "output", "of": row[0]}) for row in VARIABLES["outputs"]]
     law = {"controller": tuning.core(), "motion": reference.core(), "position": form["position"]}
     return FmuPlan(
         title=f"{tuning.law} for {tuning.belief.name}",

@@ -8,7 +8,7 @@ import os
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple, TypeAlias, TypeVar
 
 from pydantic import Field, model_validator
 
@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from pneudrive.simulation.start import DriveOrCircuit
 
 
+_Read = TypeVar("_Read")
 #: Defaults of a controller file: sampling period, s, hold band, m, and delay before holding, s (assumed).
 PERIOD_S, BAND_M, AFTER_S = 1e-3, 30e-6, 20e-3
 
@@ -85,7 +86,7 @@ class Factors(Described):
 
     table_name = "factors"
     gain: _Factor = Field(default=1.0, description="k_p of pid and fuzzy, the bandwidth of others")
-    damping: _Factor = Field(default=1.0, description="T_d of pid and fuzzy, what makes others calmer")
+    damping: _Factor = Field(default=1.0, description="T_d of pid and fuzzy; width, band or move penalty of others")
     filter: _Factor = Field(default=1.0, description="filter time of pid and fuzzy")
 
     @property
@@ -104,10 +105,10 @@ REMOVED_TABLES = {"nmpc": {"predictor": "model"}, "observer": {"kind": "kalman"}
 
 
 class LawWord(Choice):
-    """Annotation of a field for a controller: its key, or the name of code, ``mine.py:Law``."""
+    """Annotation of a field that names a controller, by its key or by the name of code, ``mine.py:Law``."""
 
     def read(self, given: object) -> str:
-        """Check the name."""
+        """Check the name of a controller or of code, and return it."""
         if isinstance(given, str) and (given == "own" or own_code.split(given) is not None):
             return given
         return super().read(given)
@@ -132,6 +133,7 @@ class Controller(Described):
         default=PERIOD_S, description="time between two samples"
     )
     drive: str | None = Field(default=None, description="drive that the law assumes; absent: the drive of the run")
+    setup: str | None = Field(default=None, description="instrumentation: ideal, real, cheap or a file; absent: real")
     adaptation: bool = Field(
         default=True, strict=True, description="it learns friction, mass and valve of its drive while it runs"
     )
@@ -151,7 +153,7 @@ class Controller(Described):
         return {key: table for key, table in given.items() if key not in REMOVED_TABLES or table != REMOVED_TABLES[key]}
 
     def core(self, law: str, belief: Circuit, **numbers: Any) -> Plain:  # noqa: ANN401 - numbers by key, or factors
-        """Return the controller in the core's form, SI, with its ``gains``, ``valves`` and ``factors``."""
+        """Return the controller in the core's form, in SI, with its ``gains``, ``valves`` and ``factors``."""
         hold = None if self.hold is None else [self.hold.band_m, self.hold.after_s]
         form = {"law": law, "period_s": self.period_s, "gains": {}, "hold": hold, "adaptation": self.adaptation}
         form |= {table: each for table, each in numbers.items() if each}
@@ -163,7 +165,7 @@ ControllerOrFile: TypeAlias = Controller | str | Path
 
 
 def gain_quantity(unit: str) -> Quantity:
-    """Return the annotation of a gain with a unit of the core; the core checks its bounds."""
+    """Return the annotation of a gain with a unit of the core. The core checks the bounds of the gain."""
     return Quantity(units.si_name(unit))
 
 
@@ -175,7 +177,7 @@ class TunedGain(NamedTuple):
     key : str
         Key in a controller file.
     unit : str
-        SI; ``"1"`` for a pure number.
+        SI unit; ``"1"`` for a number without a unit.
     value : float
     meaning, rule : str
         Meaning of the gain, and the rule that determines it.
@@ -213,7 +215,8 @@ class Plant(Shown):
     speed_m_s : float
         Steady speed at full opening with choked exhaust.
     force_rate_n_s : float
-        Rate of the force of a chamber at full opening.
+        Rate of the force of the filling chamber at full opening, ``k p A^2/V`` times the speed, with the pressure of
+        the supply, and mean area and volume of the chambers. The emptying chamber adds about half of this rate.
     lag_s : float
         Delay of a command: dead time of the valve, lag of its spool, and half a period.
     coulomb_n : float
@@ -254,13 +257,13 @@ class Plant(Shown):
         return {f"{self.cylinder}.position": f"{position_m!r} m"} | pressures
 
     def rows(self) -> list[tuple[str, str]]:
-        """Return name and value with unit of each number."""
+        """Return the name and the value of each number, with its unit."""
         hertz = self.natural_frequency_rad_s / 6.283185307179586
         return [
             ("natural frequency", f"{self.natural_frequency_rad_s:.3g} rad/s ({hertz:.3g} Hz)"),
-            ("damping ratio", f"{self.damping_ratio:.3g}"),
+            ("damping ratio", f"{self.damping_ratio:.3g}{': no viscous friction' * (not self.damping_ratio)}"),
             ("speed at full opening, exhaust choked", f"{self.speed_m_s:.3g} m/s"),
-            ("rate of force at full opening", f"{1e-3 * self.force_rate_n_s:.3g} kN/s"),
+            ("force rate of the filling chamber", f"{1e-3 * self.force_rate_n_s:.3g} kN/s, k p A^2/V times this speed"),
             ("lag of the command", f"{1e3 * self.lag_s:.3g} ms"),
             ("Coulomb friction", f"{self.coulomb_n:.3g} N"),
             ("stroke", f"{1e3 * self.stroke_m:g} mm"),
@@ -302,6 +305,8 @@ class Tuning(Viewed):
         Custom law, or None. A custom law has no gains here.
     valves : tuple of TunedGain
         Parameters of several valves, or of a switching valve.
+    setup : Setup, str or path-like
+        Instrumentation for which the limits are stated.
     """
 
     controller: Controller
@@ -312,6 +317,7 @@ class Tuning(Viewed):
     limits: tuple[str, ...] = ()
     own: OwnLaw | None = None
     valves: tuple[TunedGain, ...] = ()
+    setup: instrumentation.SetupOrFile = "real"
 
     @property
     def law(self) -> str:
@@ -320,20 +326,20 @@ class Tuning(Viewed):
 
     @property
     def period_s(self) -> float:
-        """Time between two samples, s."""
+        """Time between two samples, in s."""
         return self.controller.period_s
 
     @cached_property
     def speeds_m_s(self) -> Pair:
         """Steady speeds of the assumed drive at full opening and mid-stroke in +x and in -x; 0 if it does not move.
 
-        The speed with choked exhaust stands for a speed that the steady-state solver does not find.
+        If the steady-state solver does not find a speed, the speed with choked exhaust is returned instead.
         """
         return full_speeds(self.belief, self.plant.speed_m_s)
 
     @property
     def reach(self) -> tuple[float, Pair]:
-        """Stroke, m, and `speeds_m_s`: the limits of a reference."""
+        """Limits of a reference: stroke (m) and `speeds_m_s`."""
         return self.plant.stroke_m, self.speeds_m_s
 
     @property
@@ -376,6 +382,8 @@ class Tuning(Viewed):
         lines = ["schema = 1", f'law = "{word}"', f'period = "{units.write(self.period_s, "s", "ms")}"']
         if self.source:
             lines.append(f"drive = {toml.value_text(_seen_from(folder, self.source))}")
+        if not isinstance(self.setup, instrumentation.Setup):
+            lines.append(f"setup = {toml.value_text(_seen_from(folder, str(self.setup)))}")
         if controller.factors.changed:
             given = ", ".join(f"{key} = {value!r}" for key, value in controller.factors.to_dict().items())
             lines.append(f"factors = {{ {given} }}  # of {_factored(self.law)}")
@@ -399,7 +407,7 @@ class Tuning(Viewed):
     def save(self, path: str | Path) -> Path:
         """Write a controller file. Paths in the file are relative to its folder.
 
-        If `believes` was a drive object, add the name of its file to the output as ``drive``.
+        If `believes` or `setup` was an object, add the name of its file to the output as ``drive`` or ``setup``.
 
         Raises
         ------
@@ -438,8 +446,12 @@ def _factored(law: str) -> str:
 
 
 def _seen_from(folder: str | Path, source: str) -> str:
-    """Return the name of a drive, or the path of a file relative to the folder of a controller file."""
-    return source if source.startswith(PREFIX) else Path(os.path.relpath(source, folder or ".")).as_posix()
+    """Return the name of a drive or setup, or the path of a file relative to the folder of a controller file."""
+    return source if _is_name(source) else Path(os.path.relpath(source, folder or ".")).as_posix()
+
+
+def _is_name(source: str) -> bool:
+    return source.startswith(PREFIX) or source in instrumentation.ready_setups()
 
 
 def is_code_file(module: str) -> bool:
@@ -464,10 +476,10 @@ def laws() -> list[str]:
 
 
 def tune(
-    drive: DriveOrCircuit,
+    drive: DriveOrCircuit | None,
     law: object = None,
     *,
-    setup: instrumentation.SetupOrFile = "real",
+    setup: instrumentation.SetupOrFile | None = None,
     controller: ControllerOrFile | None = None,
     believes: DriveOrCircuit | None = None,
     allow_code: str | None = None,
@@ -476,13 +488,15 @@ def tune(
 
     Parameters
     ----------
-    drive : Drive or Circuit
+    drive : Drive or Circuit, or None
         Drive with one cylinder and one reservoir, and with one proportional 5/3 valve, two proportional 3/2 valves,
         four 2/2 switching valves, or one 5/3 switching valve.
+        None: the drive in the controller file.
     law : str or object, optional
         A name in `laws`; the default is that of the controller, or ``"nmpc"``. Custom: see `pneudrive.control.run`.
-    setup : Setup, str or path-like
-        Sensors, converter and computer. They affect the stated limits of the controller, not the gains.
+    setup : Setup, str or path-like, optional
+        Sensors, converter and computer; default: that of the controller file, otherwise ``"real"``. They affect the
+        stated limits of the controller, not the gains.
     controller : Controller, str or path-like, optional
         A controller, or its TOML file: period, gains that are given and not tuned, holding, and the drive that the law
         assumes.
@@ -505,17 +519,21 @@ def tune(
     >>> [gain.key for gain in tuning.gains]
     ['bandwidth', 'move_penalty']
     """
-    read, _ = instrumentation.read_setup(setup)
+    read = None if setup is None else instrumentation.read_setup(setup)[0]
     own = own_law(law) if is_own(law) else None
     table, folder, path, text = _table(law if own is None else own, controller)
     if own is None and is_own(table.law):
         own = own_law(_beside(table.law, folder), allow_code=allow_code, found_in=path)
+    believed = drive if believes is None else believes
+    if believed is None and table.drive is None:
+        remedy = 'Name one: --drive DRIVE, or in Python pn.Drive.load("drive.toml").'
+        raise CommandError("no drive is named", where=path or None, remedy=remedy)
     with toml.locating(path, text):
+        if read is None:
+            (read, _), setup = _named("setup", table.setup or "real", folder, instrumentation.read_setup)
         word = table.law if own is None else OWN
-        believed = drive if believes is None else believes
         tuning = _tuned(table, word, believed, folder, is_told=believes is not None)
-    if own is not None:
-        tuning = replace(tuning, own=own)
+    tuning = replace(tuning, own=own, setup=setup)
     return replace(tuning, limits=limitations(tuning, read))
 
 
@@ -527,7 +545,7 @@ def alone(tuning: Tuning, **others: object) -> Tuning:
 
 
 def _table(law: object, controller: ControllerOrFile | None) -> tuple[Controller, Path, str, str | None]:
-    """Return a controller, its folder, and path and text of its file; None as text without a file."""
+    """Return a controller, its folder, and path and text of its file, or None as the text of a given object."""
     if controller is None:
         word = OWN if isinstance(law, OwnLaw) else law or DEFAULT_LAW
         if word != OWN and word not in laws():
@@ -559,11 +577,13 @@ def _beside(law: str, folder: Path) -> str:
     return f"{os.path.normpath(folder / module)}:{name}" if is_code_file(module) else law
 
 
-def _tuned(table: Controller, word: str, drive: DriveOrCircuit, folder: Path, *, is_told: bool) -> Tuning:
-    """Read the gains of a controller and derive the others from the law's model."""
+def _tuned(table: Controller, word: str, drive: Any, folder: Path, *, is_told: bool) -> Tuning:  # noqa: ANN401 - `require`
+    """Read the given gains of a controller, and derive the other gains from the law's model."""
     source = ""
     if table.drive is not None and not is_told:
-        drive, source = _believed(table.drive, folder)
+        from pneudrive.describe.files.load import load_described
+
+        drive, source = _named("drive", table.drive, folder, load_described)
     require(drive, "core_json", "drive", 'pn.Drive.load("drive.toml")')
     belief = drive.circuit
     check_valves(belief)
@@ -576,7 +596,7 @@ def _tuned(table: Controller, word: str, drive: DriveOrCircuit, folder: Path, *,
     except ValueError as error:
         if str(error).startswith("period"):
             raise wrong("period", str(error)) from None
-        raise DescriptionError(str(error), where=belief.name) from None
+        raise DescriptionError(str(error), where=belief.source_file or belief.name) from None
     check_axis(belief, plant)
     plant["left_out"] += unknown_numbers(belief)
     gains = _numbers_of("gains", table.law, table.gains, ruled[0], lambda given: asked(gains=given))
@@ -599,7 +619,7 @@ def _numbers_of(
     given: NamedNumbers = {}
     for key, value in values.items():
         if key not in known:
-            remedy = nearest(key, known) if known else "It has no gains: leave the table out."
+            remedy = nearest(key, known) if known else f"Leave the table out, because {whose} has no gains."
             raise wrong(f"{table}.{key}", f"{table}.{key} is not a gain of {whose}", remedy=remedy)
         given[key] = known[key].read_at(f"{table}.{key}", value)
         try:
@@ -612,32 +632,13 @@ def _numbers_of(
     )
 
 
-def believed_by(controller: str | None) -> DriveOrCircuit:
-    """Load the drive that a controller file names.
-
-    Raises
-    ------
-    CommandError
-        No file is given, or it does not name a drive.
-    DescriptionError
-        A file is not valid.
-    """
-    table, folder, path, text = _table(None, controller)
-    if table.drive is None:
-        raise CommandError("no drive is named", where=path or None, remedy="Name one: --drive DRIVE.")
-    with toml.locating(path, text):
-        return _believed(table.drive, folder)[0]
-
-
-def _believed(source: str, folder: Path) -> tuple[DriveOrCircuit, str]:
-    """Load the drive that a controller file names relative to its folder. Return it with its path from here."""
-    from pneudrive.describe.files.load import load_described
-
-    path = source if source.startswith(PREFIX) else str(folder / source)
+def _named(key: str, source: str, folder: Path, load: Callable[[str], _Read]) -> tuple[_Read, str]:
+    """Load a drive or setup that a controller file names relative to its folder. Return it, and its path from here."""
+    path = source if _is_name(source) else str(folder / source)
     try:
-        return load_described(path), path
+        return load(path), path
     except DescriptionError as error:
-        raise error if error.where else within(error, "drive") from None  # the file or the name does not exist
+        raise error if error.where else within(error, key) from None  # the file or the name does not exist
 
 
 # --- Limits of a tuned controller.
@@ -648,7 +649,7 @@ MOST_OF_FORCE = 0.85  # fraction of the supply's force for weight and friction a
 
 
 def limitations(tuning: Tuning, setup: instrumentation.Setup) -> tuple[str, ...]:
-    """Return the limits of a tuned controller in words; warn if it will hardly work.
+    """Return the limits of a tuned controller in words. Warn if the controller will hardly work.
 
     Parameters
     ----------
@@ -661,7 +662,7 @@ def limitations(tuning: Tuning, setup: instrumentation.Setup) -> tuple[str, ...]
     late = bandwidth * plant.lag_s
     said.append(
         f"A command acts {1e3 * plant.lag_s:.3g} ms late (dead time of the valve, spool, half a period): "
-        f"{late:.2g} rad at {bandwidth:.3g} rad/s. A faster valve or a shorter period allows a larger bandwidth."
+        f"{late:.2g} rad of phase at {bandwidth:.3g} rad/s. A faster valve or a shorter period allows more bandwidth."
     )
     of_valve = plant.lag_s - 0.5 * tuning.period_s
     longest = max(of_valve, 2.0 * math.pi / plant.natural_frequency_rad_s / LEAST_SAMPLES)
@@ -669,20 +670,20 @@ def limitations(tuning: Tuning, setup: instrumentation.Setup) -> tuple[str, ...]
     if needs > MOST_OF_FORCE:
         warn(
             f"weight and friction take {100.0 * needs:.0f} % of the force of the supply: "
-            f"{'the drive cannot move' if needs > 1.0 else 'little is left to move it'} in at least one direction"
+            f"{'the drive cannot move' if needs > 1.0 else 'little is left for motion'} in at least one direction"
         )
     if tuning.period_s > longest:
-        slow = f"period = {1e3 * tuning.period_s:g} ms is too long: above {1e3 * longest:.3g} ms, the valve's lag or"
-        of = f"1/{LEAST_SAMPLES} (assumed) of a period of the mass on its air spring"
-        warn(f"{slow} {of}, a law follows badly or loses the drive")
+        slow = f"period = {1e3 * tuning.period_s:g} ms is too long: above {1e3 * longest:.3g} ms, control is poor"
+        of = f"the larger of the valve's lag and 1/{LEAST_SAMPLES} (assumed) of a period of the mass on its air spring"
+        warn(f"{slow} or unstable ({of})")
     if setup.computer.time_s > 0.0:
         said.append(f"The computer of the setup adds {1e3 * setup.computer.time_s:.3g} ms, which the law ignores.")
     if setup.sensors.pressure_a is None:
         said.append("The setup has no pressure sensors: the law computes the pressures with its model of the drive.")
-        said.append("At rest, the position shows the force of the gas, but not both pressures.")
+        said.append("At rest, the position determines the force of the gas, but not both pressures.")
     said.append(
-        "No observer can separate: a force on the piston, a difference of friction between the directions, and zeros "
-        "of the sensors; conductance of the valve and supply pressure; mass and force at constant speed."
+        "No observer can separate a force on the piston from a difference of friction between the directions and from "
+        "zeros of the sensors, valve conductance from supply pressure, or, at constant speed, mass from force."
     )
     supply_pa, _ = supply_of(tuning.belief.core_json())
     said += [f"{short}." for short in setup.short_of(supply_pa, tuning.belief.ambient.pressure_pa)]

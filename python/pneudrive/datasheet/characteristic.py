@@ -33,7 +33,7 @@ class ResultValue(NamedTuple):
 
 
 #: Axis of results for both strokes.
-DIRECTIONS = ResultValue(("direction",), ["out", "back"], "1", "towards the end of chamber b, of chamber a")
+DIRECTIONS = ResultValue(("direction",), ["out", "back"], "1", "towards the end of chamber b, or of chamber a")
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,7 @@ class Characteristic:
         Gets a `HeldDrive` and settings by keyword; returns values of axes and results by name, or as a tuple in the
         order of its docstring.
     standard : str
-        Standard that defines it; empty without a standard. "form of" a standard: its definition under other conditions.
+        Standard that defines the characteristic, or empty. "form of" a standard: its definition under other conditions.
     cites : tuple of str
         Keys of references.bib.
     x, y : str
@@ -63,9 +63,9 @@ class Characteristic:
     results : dict
         Name of a result or axis -> unit and axes (``"m/s over command"``), and meaning.
     held : bool
-        Whether it evaluates the drive at fixed states: valves without lag, cylinder without cushions.
+        Whether the drive is evaluated at fixed states: valves without lag, cylinder without cushions.
     needs_shares : bool
-        Whether it needs partial valve openings, which switching valves do not have.
+        Whether the characteristic needs partial valve openings, which switching valves do not have.
     """
 
     name: str
@@ -123,7 +123,7 @@ class Characteristic:
 
 
 def characteristic(name: str, **more: Any) -> Callable[[Find], Characteristic]:  # noqa: ANN401
-    """Make a characteristic of a function. Its docstring gives title, definition, settings and results.
+    """Make a characteristic from a function, whose docstring gives title, definition, settings and results.
 
     Parameters
     ----------

@@ -87,7 +87,7 @@ def equilibrium(
 ) -> Equilibrium:
     """Return the steady state of a drive under a command, with the piston at mid stroke.
 
-    The core evaluates the rates at each trial state. A damped Newton method finds their zero.
+    The core evaluates the rates at each trial state. Implicit Euler steps that grow into Newton steps find their zero.
 
     Parameters
     ----------
@@ -96,7 +96,7 @@ def equilibrium(
     command : float
         Command of the valve in [-1, 1].
     load : str or float, optional
-        Force in +x, ``"-100 N"`` or in N. The velocity under this load is calculated. Default: a pinned piston.
+        Force in +x: ``"-100 N"``, or a number in N. The velocity is that under this load. Default: a pinned piston.
 
     Returns
     -------
@@ -133,10 +133,10 @@ def steady_state(plant: HeldDrive, command: float, load: float | None = None) ->
 
 
 def steady_gas(plant: HeldDrive, command: float, load: float | None) -> tuple[Array, float]:
-    """Return pressures and temperatures of all nodes, shape (nodes, 2), and the velocity in a steady state.
+    """Return pressures and temperatures of all nodes with the shape (nodes, 2), and the velocity, in a steady state.
 
-    A drive at rest reaches this state under a load in +x. Its velocity is 0 if it does not move. None: the piston is
-    pinned.
+    A drive at rest reaches this state under a load (N) in +x. The velocity is 0 if the drive does not move. A load
+    of None pins the piston.
     """
     search = _SteadySearch(plant, command, load)
     if load is None:
@@ -153,7 +153,7 @@ MOST_KEPT = 64
 
 
 def full_speeds(drive: DriveOrCircuit, otherwise: float) -> Pair:
-    """Return the speeds of steady motion in +x and in -x at full opening and mid-stroke, m/s.
+    """Return the speeds (m/s) of steady motion in +x and in -x at full opening and mid-stroke.
 
     The search begins in motion, so static friction has no effect. `otherwise` replaces speeds that are not found.
     """
@@ -194,7 +194,7 @@ class _SteadySearch:
         return np.exp(z[:-1].reshape(2, -1).T)
 
     def settle(self, velocity: float) -> tuple[Array, float]:
-        """Return pressures and temperatures of all nodes, shape (nodes, 2), and the velocity, 0 at rest.
+        """Return pressures and temperatures of all nodes with the shape (nodes, 2), and the velocity, 0 at rest.
 
         Raises
         ------
@@ -285,13 +285,13 @@ def linearise(
     drive : Drive or Circuit
         Drive with one piston and one to four valves.
     position : str or float, optional
-        ``"120 mm"`` or in m; by default mid stroke.
+        ``"120 mm"``, or a number in m; by default mid stroke.
     pressures : pair of str or float, or one for both, optional
-        Absolute pressures of chambers a and b, ``"3 bar abs"`` or in Pa; by default the mean of supply and ambient.
+        Absolute pressures of chambers a and b: ``"3 bar abs"``, or numbers in Pa; default: mean of supply and ambient.
     command : float
         Command of the valve. The default, 0, means the command at which the valve begins to open.
     opening : {"+", "-"}
-        Side to which the valve opens, because the slope of the flow differs between sides. Only for ``command = 0``.
+        Side to which the valve opens; the slope of the flow differs between the sides. Only for ``command = 0``.
     friction : {"presliding", "sliding", "none"}
         ``"presliding"``: the contact is at rest, and bristles are springs. A contact without bristles does not move.
         ``"sliding"``: the viscous slope of the steady friction over velocity, far above the Stribeck velocity.
@@ -340,7 +340,7 @@ def linearise(
 
 
 def open_command(plant: HeldDrive, command: float, side: float = 1.0) -> float:
-    """Return a command; for 0, the command at which the valve begins to open to a side.
+    """Return a command, but instead of 0 the command at which the valve begins to open to a side.
 
     Raises
     ------
@@ -364,13 +364,13 @@ def _short(name: str, plant: HeldDrive) -> str:
 
 
 def gas_at(plant: HeldDrive, pressures: Any = None) -> Array:  # noqa: ANN401 - one or two quantities
-    """Return the gas of all nodes, shape (nodes, 2): the given pressures of a and b, and ambient temperature."""
+    """Return the gas of all nodes at the pressures of a and b and at ambient temperature. Its shape is (nodes, 2)."""
     if pressures is None:
         pressures = 0.5 * (plant.supply_pa + plant.ambient[0])
     pair = (pressures, pressures) if isinstance(pressures, str | int | float) else tuple(pressures)
     pair = pair * 2 if len(pair) == 1 else pair
     if len(pair) != 2:
-        raise CommandError(f"pressures = {pressures!r} are not two", remedy='("3 bar abs", "2 bar abs")')
+        raise CommandError(f"pressures = {pressures!r}: give one or two", remedy='("3 bar abs", "2 bar abs")')
     a, b = (_pressure(one, plant) for one in pair)
     sides = {f"{plant.piston}.a": a, f"{plant.piston}.b": b}
     values = [sides.get(node, b if plant.is_at_b(node) else a) for node in plant.nodes]
@@ -387,7 +387,7 @@ def moving_gas(plant: HeldDrive) -> Array:
     command = plant.sizes((plant.edge(1.0)[0] + SMALL,))[0]
     gas, velocity = steady_gas(plant, command, 0.0)
     if velocity == 0.0:
-        warn(f"{plant.name} does not move in +x: instead of slow motion, the operating point is rest")
+        warn(f"{plant.name} does not move in +x: the operating point is at rest instead of in slow motion")
     gas[:, 1] = plant.ambient[1]
     return gas
 

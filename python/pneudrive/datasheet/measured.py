@@ -56,7 +56,7 @@ def is_of_tank(path: Path, layout: Path | None) -> bool:
 
 
 def _air(drive: Drive, recording: VolumeRecording) -> Pair:
-    """Return the air of a cycle, l ANR, from a recording of the tank and from a simulation at its mean pressure.
+    """Return the air (l ANR) of a cycle from a recording of the tank, and from a simulation at the mean tank pressure.
 
     Raises
     ------
@@ -171,7 +171,7 @@ class MeasuredBeside:
     synthetic : bool
         Whether all recordings come from simulations.
     names : tuple of str
-        Notes on the recordings.
+        File names of the recordings.
     """
 
     validation: Validation | None = None
@@ -205,7 +205,7 @@ class MeasuredBeside:
 def beside(drive: Drive, recordings: Sequence[Path], layout: Path | None, watch: Watch) -> MeasuredBeside:
     """Read recordings, simulate their commands, and compute the same numbers from both.
 
-    Recordings of a tank give the air of cycles; the other recordings are read as without them.
+    Recordings of a tank give the air of cycles. They do not change the results of the other recordings.
 
     Raises
     ------
@@ -250,7 +250,7 @@ def _of_drive(drive: Drive, recordings: Sequence[Path], layout: Path | None, wat
 
 
 def _numbers(drive: Drive, records: Iterable[RecordResult]) -> Iterable[ComparedNumber]:
-    """Yield the numbers of strokes under equal commands."""
+    """Yield the numbers of strokes. Strokes with the same command count as repeats."""
     groups: dict[str, list[tuple[StrokeNumbers, StrokeNumbers]]] = defaultdict(list)
     for record in records:
         for command, seen, simulated in strokes_of(drive, record):

@@ -239,7 +239,7 @@ class HeldDrive:
         return HeldDrive(type(self.circuit).model_validate(held_tables(self.circuit)), actuation=self.actuation.of_held)
 
     def before(self, u: float) -> Pair:
-        """Return the pressures of chambers a and b before a stroke, Pa. They are steady under the opposite command."""
+        """Return the pressures (Pa) of chambers a and b before a stroke. They are steady under the opposite command."""
         ambient, supply = self.ambient[0], self.supply_pa
         usual = (ambient, supply) if u > 0.0 else (supply, ambient)
         if self.described.system.names:
@@ -272,7 +272,7 @@ class HeldDrive:
         return tuple(commands) if self.actuation.has_shares else (1.0,)
 
     def plans(self, steps: Sequence[Pair]) -> dict[str, str]:
-        """Return the command of each valve over time, from pairs of time, s, and signal."""
+        """Return the command of each valve over time, from pairs of time (s) and signal."""
         rows = [(t, self.actuation.commands(u)) for t, u in steps]
         return {name: ", ".join(f"{float(t)!r} s: {float(row[name])!r}" for t, row in rows) for name in self.valves}
 
@@ -339,22 +339,28 @@ class HeldDrive:
 
     @property
     def stroke_m(self) -> float:
-        """Stroke, m."""
+        """Stroke in m."""
         return float(self.cylinder.stroke)
 
     @property
     def middle_m(self) -> float:
-        """Position at mid stroke, m."""
+        """Position at mid stroke, in m."""
         return 0.5 * self.stroke_m
+
+    def check_position(self, position: float) -> None:
+        """Reject a position outside the stroke, m."""
+        if not 0.0 <= position <= self.stroke_m:
+            rule, remedy = f"0 to the stroke, {self.stroke_m:g} m", 'Write the unit: position = "150 mm".'
+            raise CommandError(f"position = {position:g} m is out of bounds", rule=rule, remedy=remedy)
 
     @property
     def bore_m(self) -> float:
-        """Bore, m."""
+        """Bore in m."""
         return float(self.cylinder.bore)
 
     @property
     def hanging_n(self) -> float:
-        """Force on piston and moved bodies without pressure, N: of their weight, and of the loads if that is more."""
+        """Force (N) on piston and moved bodies without pressure: weight, or weight and loads if that is more."""
         weight = 0.0
         for name in self.moved:
             incline = getattr(self.parts[name], "incline", 0.0)
@@ -375,12 +381,12 @@ class HeldDrive:
 
     @cached_property
     def supply_pa(self) -> float:
-        """Absolute pressure of the supply, Pa."""
+        """Absolute pressure of the supply, in Pa."""
         return Session(self.core.start(self.start_values, RTOL)).read(self.supply)
 
     @property
     def ambient(self) -> Pair:
-        """Ambient pressure, Pa, and temperature, K."""
+        """Ambient pressure (Pa) and temperature (K)."""
         return float(self.circuit.ambient.pressure_pa), float(self.circuit.ambient.temperature_k)
 
     @cached_property
@@ -409,7 +415,7 @@ class HeldDrive:
 
     @cached_property
     def lags(self) -> NamedNumbers:
-        """Coupled component -> its lag behind the piston in slow motion in +x, m.
+        """Coupled component -> its distance (m) behind the piston in slow motion in +x.
 
         A coupling transmits weight and friction of its slide only at the end of its play.
         """
@@ -429,11 +435,6 @@ class HeldDrive:
                 lags[name] = float(np.asarray(brentq(missing, 0.5 * at, at, xtol=1e-3 * least)))
         return lags
 
-    @cached_property
-    def heatless(self) -> HeldDrive:
-        """The same drive with adiabatic cylinder walls."""
-        return self.varied({self.piston: self.table(self.piston) | {"heat_transfer": "0 W/(m2 K)"}})
-
     def session(
         self,
         command: float,
@@ -450,15 +451,13 @@ class HeldDrive:
         command, position, velocity : float
             SI.
         gas : ndarray, optional
-            Shape (nodes, 2): absolute pressure, Pa, and temperature, K, at `nodes`.
+            Absolute pressure (Pa) and temperature (K) at `nodes`, with the shape (nodes, 2).
         rtol : float
             Relative tolerance of the solver.
         lags : mapping, optional
-            Component -> distance behind the piston, m; by default that of the start state.
+            Component -> distance behind the piston, in m; by default that of the start state.
         """
-        if not 0.0 <= position <= self.stroke_m:
-            rule = f"0 to the stroke, {self.stroke_m:g} m"
-            raise CommandError(f"position = {position:g} m is out of bounds", rule=rule)
+        self.check_position(position)
         start, moved = dict(self.start_values), position - self.start_values[f"{self.piston}.position_m"]
         for name in self.slides[1:]:
             start |= {f"{name}.position_m": start[f"{name}.position_m"] + moved, f"{name}.velocity_m_s": velocity}
@@ -476,14 +475,14 @@ class HeldDrive:
         return session
 
     def rates(self, session: Session) -> tuple[Array, float]:
-        """Return the relative rates of all pressures and then temperatures, 1/s, and the force; see `force`."""
+        """Return the relative rates (1/s) of all pressures, then of all temperatures, and the force; see `force`."""
         linear = session.linearise([])
         names = (f"{node}.{quantity}" for quantity in ("pressure_pa", "temperature_k") for node in self.nodes)
         rows = list(map(linear.outputs.index, names))
         return (linear.C @ linear.rates)[rows] / linear.output[rows], self.force(linear)
 
     def force(self, linear: Linear) -> float:
-        """Return the force on the piston and the slides that it moves, without friction, in +x, N."""
+        """Return the force (N) in +x on the piston and the slides that it moves, without friction."""
         row = {name: k for k, name in enumerate(linear.outputs)}
         force = 0.0
         for name in self.moved:
@@ -496,12 +495,12 @@ class HeldDrive:
 
     @property
     def mass(self) -> float:
-        """Mass of the piston and of the bodies that it moves, kg."""
+        """Mass of the piston and of the bodies that it moves, in kg."""
         return sum(self.masses[name] for name in self.moved)
 
     @cached_property
     def masses(self) -> NamedNumbers:
-        """Mass that moves with each of `slides`, kg, from the core's acceleration per unit of load."""
+        """Mass (kg) that moves with each of `slides`, from the core's acceleration per unit of load."""
         pressure, temperature = self.ambient
         gas = np.tile([pressure, temperature], (len(self.nodes), 1))
         half = 1.0 if self.actuation.is_switched else 0.5
@@ -518,11 +517,11 @@ class HeldDrive:
         return found
 
     def sliding(self, velocity: float, pressures: Pair, position: float) -> float:
-        """Return the steady friction of the piston and its slides, N, at absolute pressures of a and b."""
+        """Return the steady friction (N) of the piston and its slides at absolute pressures of chambers a and b."""
         return sum(self.sliding_of(name, velocity, pressures, position) for name in self.moved)
 
     def sliding_of(self, name: str, velocity: float, pressures: Pair, position: float) -> float:
-        """Return the steady friction of a component at a velocity, N, with the velocity's sign."""
+        """Return the steady friction (N) of a component at a velocity, with the sign of the velocity."""
         if name not in self.frictions:
             return 0.0
         gauge_a, gauge_b = (pressure - self.ambient[0] for pressure in pressures)
@@ -553,9 +552,9 @@ def actuation_of(circuit: Circuit) -> Actuation:
 
 
 def _search(circuit: Circuit) -> Actuation:
-    """Find the commands for both directions: those that cause the largest force on the fixed piston.
+    """Find the commands that cause the largest force on the fixed piston in each direction.
 
-    Among nearly equal forces, those with the fewest commands.
+    If several choices cause nearly the same force, the one with the fewest commands is returned.
 
     Raises
     ------

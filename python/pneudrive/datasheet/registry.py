@@ -106,12 +106,11 @@ class UncertainDrive:
     ) -> xr.Dataset:
         """Return a characteristic; see `drive_characteristic`."""
         kind = characteristic_named(name)
-        for setting in settings:
-            if setting not in kind.settings:
-                raise CommandError(f"{name} has no setting {setting!r}", remedy=nearest(setting, kind.settings))
         settings = {setting: _read_setting(kind, setting, value) for setting, value in settings.items()}
         watch.look()
         plain = _compute(self.plant, kind, settings)
+        if "frequencies" in kind.settings:  # those of the drive, also for its variants
+            settings["frequencies"] = plain.frequency.to_numpy()
         if not intervals:
             return plain
         ends, left_out = self.ends
@@ -279,13 +278,15 @@ _SIGNED = ("position", "command")  # other settings are greater than 0
 
 
 def _read_setting(one: Characteristic, name: str, value: Any) -> Any:  # noqa: ANN401 - of each setting its own
-    """Return a setting in SI: a quantity with or without its unit, or a number.
+    """Return a setting in SI. It is given as a quantity with or without its unit, or as a number.
 
     Raises
     ------
     CommandError
-        The setting is neither of these, or must be greater than 0 and is not.
+        There is no such setting, or it has another form, or it is not greater than 0 although it must be.
     """
+    if name not in one.settings:
+        raise CommandError(f"{one.name} has no setting {name!r}", remedy=nearest(name, one.settings))
     default, meaning = one.settings[name]
     if value is None or (name not in _UNITS and not isinstance(default, int | float)):
         return value
@@ -295,5 +296,5 @@ def _read_setting(one: Characteristic, name: str, value: Any) -> Any:  # noqa: A
     if not isinstance(default, int):
         return number
     if not number.is_integer():
-        raise CommandError(f"{name} = {value} is out of bounds", rule="a whole number from 1 on")
+        raise CommandError(f"{name} = {value} is out of bounds", rule="a whole number, at least 1")
     return int(number)

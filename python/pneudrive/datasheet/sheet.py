@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from pneudrive import units
 from pneudrive.constants import IMPACT_ENERGY_J_M2, USUAL_PEAK_PA
 from pneudrive.datasheet.characteristics.air import NO_STROKES
 from pneudrive.datasheet.measured import MeasuredBeside, beside
@@ -36,6 +37,8 @@ if TYPE_CHECKING:
 # --- Units and names of results in readable form.
 
 NARROWEST = 1e-6  # relative width of an interval that is not shown: rounding
+#: SI unit -> size below which a displayed number is 0, instead of 1e-9: error of the solver in the relative leakage.
+ROUNDING = {"1/s": 1e-6}
 #: SI unit -> factor and displayed unit.
 SHOWN_UNITS = {
     "Pa": (1e-5, "bar"),
@@ -222,14 +225,18 @@ def build(
 def _hazards(plant: HeldDrive, results: dict[str, xr.Dataset]) -> Iterator[Finding]:
     """Yield the findings on the load at loss of pressure, on impacts and on pressure peaks."""
     ambient = plant.ambient[0]
-    holds = abs(plant.sliding(LEAST_VELOCITY, (ambient, ambient), plant.middle_m)) + plant.sum_of(LOCK, "holding_force")
-    if plant.hanging_n > holds:
-        text = (
-            f"without pressure, weight and load pull the piston with {plain(plant.hanging_n)} N, but friction at rest"
-        )
+    labels, locks = plant.described.labels, plant.sum_of(LOCK, "holding_force")
+    locks += units.parse(labels.get("clamp_force", "0 N"), "N")
+    holds = locks + abs(plant.sliding(LEAST_VELOCITY, (ambient, ambient), plant.middle_m))
+    if plant.hanging_n > locks and labels.get("held_by") != "machine":
+        text = f"{HAZARD}without pressure, weight and load pull the piston with {plain(plant.hanging_n)} N, but"
         remedy = "A lock or a clamp must hold the load (ISO 4414)."
-        yield Finding(f"{HAZARD}{text} and locks hold {plain(holds)} N.", "bad", remedy)
-    limit = energy_limit_j(plant.bore_m)
+        if plant.hanging_n > holds:
+            yield Finding(f"{text} friction at rest and locks hold only {plain(holds)} N.", "bad", remedy)
+        elif not _is_friction_measured(plant):
+            why = "no measurement says how much of it remains without pressure"
+            yield Finding(f"{text} locks hold only {plain(locks)} N: the rest is friction, and {why}.", "open", remedy)
+    limit = energy_limit_j(plant)
     response = results.get("square-response")
     if response is None:
         return
@@ -237,22 +244,33 @@ def _hazards(plant: HeldDrive, results: dict[str, xr.Dataset]) -> Iterator[Findi
         yield Finding(f"{HAZARD}{NO_STROKES}.", "bad", "Raise supply.pressure, or take a larger bore.")
     energy = float(response.end_energy.max())
     if energy > limit:
-        text = f"an impact of {plain(energy)} J is harder than a cylinder of this bore usually takes, {plain(limit)} J"
-        rule = f"(assumed: {1e-3 * IMPACT_ENERGY_J_M2:g} mJ for each mm2 of piston)"
-        yield Finding(f"{HAZARD}{text} {rule}.", "bad", "Brake before the end, or add a shock absorber.")
+        rule = "that a cylinder of this bore usually takes"
+        rule += f" (assumed: {1e-3 * IMPACT_ENERGY_J_M2:g} mJ for each mm2 of piston)"
+        rule = "of labels.impact_energy" if "impact_energy" in labels else rule
+        text = f"{HAZARD}the impact energy of {plain(energy)} J exceeds the {plain(limit)} J {rule}."
+        yield Finding(text, "bad", "Brake before the end, or add a shock absorber.")
     peak = float(response[["peak_pressure_a", "peak_pressure_b"]].to_array().max())
     most = USUAL_PEAK_PA + ambient
     if peak > most:
         text = (
             f"the pressure in a chamber rises to {plain(1e-5 * peak)} bar abs, above the {plain(1e-5 * most)} bar abs"
         )
-        rule = "of usual cylinders (assumed: 1.5 times the 10 bar gauge of their supply)"
+        rule = "that usual cylinders withstand (assumed: 1.5 times their usual limit of 10 bar gauge)"
         yield Finding(f"{HAZARD}{text} {rule}.", "bad", "Open the needle of the cushion, or brake earlier.")
 
 
-def energy_limit_j(bore_m: float) -> float:
-    """Return the assumed largest energy of an impact, J."""
-    return IMPACT_ENERGY_J_M2 * 0.25 * math.pi * bore_m**2
+def energy_limit_j(plant: HeldDrive) -> float:
+    """Return the largest admissible energy (J) of an impact, by the label `impact_energy` or assumed from the bore."""
+    stated = plant.described.labels.get("impact_energy")
+    return IMPACT_ENERGY_J_M2 * 0.25 * math.pi * plant.bore_m**2 if stated is None else units.parse(stated, "J")
+
+
+def _is_friction_measured(plant: HeldDrive) -> bool:
+    """Return whether the friction without pressure is known: what pressure adds is stated, and neither is assumed."""
+    known = plant.described.origin_of.items()
+    parts = [one for key, one in known if "friction.coulomb" in key or "friction.pressure" in key]
+    law = plant.frictions.get(plant.piston, {})
+    return bool(law.get("pressure")) and all(one.assumed is None for one in parts)
 
 
 def _numbers(results: dict[str, xr.Dataset]) -> list[SheetNumber]:
@@ -275,7 +293,7 @@ def _numbers(results: dict[str, xr.Dataset]) -> list[SheetNumber]:
         found, standard = results["flow"], characteristics()["flow"].standard
         for k, path in enumerate(found.path.to_numpy()):
             c, b = (shown(found, name, {"path": k}) for name in _PATHS)
-            out.append(SheetNumber(f"C and b, {path}", c, b, standard))
+            out.append(SheetNumber(f"C and b, {path}", f"{c}, b = {b}", "", standard))
     return out
 
 
@@ -295,7 +313,8 @@ def _life(drive: Drive | Circuit) -> list[SheetNumber]:
 
 def shown(found: xr.Dataset, name: str, at: Mapping[Any, int]) -> str:
     """Return one number of a result with its unit and interval."""
-    value = float(found[name].isel(at))
-    value = 0.0 if abs(value) < 1e-9 else value
-    ends = [float(found[f"{name}_{end}"].isel(at)) if f"{name}_{end}" in found else math.nan for end in ("low", "high")]
-    return written_value(value, found[name].attrs["units"], *ends)
+    unit, every = found[name].attrs["units"], (f"{name}{end}" for end in ("", "_low", "_high"))
+    least = ROUNDING.get(unit, 1e-9) / shown_unit(unit)[0]
+    known = (float(found[one].isel(at)) if one in found else math.nan for one in every)
+    value, *ends = (0.0 if abs(one) < least else one for one in known)
+    return written_value(value, unit, *ends)

@@ -30,7 +30,7 @@ ISOTHERMAL_S = 60.0
 
 
 def flow_through(plant: HeldDrive, side: str, *, inward: bool, upstream: float, ratios: Iterable[float]) -> Array:
-    """Return the steady mass flow of a path between supply or exhaust and a chamber, kg/s, over pressure ratios.
+    """Return the steady mass flow (kg/s) of a path between supply or exhaust and a chamber, for each pressure ratio.
 
     The valve is fully open; gas enters at the reference temperature.
     """
@@ -88,9 +88,9 @@ def _flows(plant: HeldDrive) -> Found:
     path : 1
         valve edge with the lines to the chamber
     ratio : 1
-        ratio of absolute pressures after and before the path
+        absolute pressure after the path divided by that before it
     conductance : m3/(s Pa) over path
-        sonic conductance C, of the drive's gas
+        sonic conductance C for the drive's gas
     critical_ratio : 1 over path
         critical back-pressure ratio b
     misfit : 1 over path
@@ -178,7 +178,7 @@ SLOW = 0.05  # m/s: an effective force is one in slow motion
 
 
 def _alone(drive: Drive) -> Drive:
-    """Return a drive in the makers' test conditions: horizontal, with air, without lines and load."""
+    """Return a drive under the makers' test conditions: horizontal, with air, without lines and load."""
     beside = ("tubing", "flow_control", "load", "gas", "provenance")
     tables = {name: one for name, one in drive.to_dict().items() if name not in beside}
     return type(drive).model_validate(tables | {"cylinder": tables["cylinder"] | {"incline": "0 deg"}})

@@ -75,7 +75,7 @@ class StrokeNumbers(Viewed):
         return {name: value for name, value in asdict(self).items() if name in STROKE_MEANING}
 
     def view(self) -> View:
-        """Return the numbers that are known."""
+        """Return a view of the known numbers."""
         known = {name: value for name, value in self.to_dict().items() if not math.isnan(value)}
         rows = (ShownValue(name, name, "value", value, STROKE_MEANING[name][0]) for name, value in known.items())
         late = f"times from the command may be longer by up to {self.begin_within:.3g} s, the interval of the samples"
@@ -124,7 +124,7 @@ def stroke_of(
 
 
 def moving_mass(drive: Drive) -> float:
-    """Return the mass that moves with the piston, kg."""
+    """Return the mass (kg) that moves with the piston."""
     return drive.cylinder.moving_mass_kg + drive.carried.mass_kg
 
 
@@ -244,7 +244,7 @@ def first_passage(t: Array, x: Array, level: float, rate: Array | None = None) -
     Parameters
     ----------
     t, x : ndarray
-        Shape (n,), times rising.
+        Times, which must rise, and positions, with the shape (n,).
     level : float
     rate : ndarray, optional
         x', used for the cubic interpolation of the time between two samples.

@@ -1,4 +1,4 @@
-"""Descriptions of drives and circuits: quantities with units, checked, from Python or from TOML."""
+"""Descriptions of drives and circuits, from Python or TOML, with checked quantities and units."""
 
 from __future__ import annotations
 

@@ -20,11 +20,11 @@ class DescribedValue(NamedTuple):
     Attributes
     ----------
     key : str
-        Dotted key, as `replace` takes it.
+        Dotted key, in the form for `replace`.
     value : object
         Value as users write it: ``"25 mm"``, a number or a word.
     origin : str
-        Source, in words. Empty for a value of the user without a source.
+        Source in words. Empty if the user gave the value without a source.
     kind : str
         ``"given"``, ``"source"``, ``"identified"``, ``"assumed"`` or ``"default"``.
     """
@@ -36,7 +36,7 @@ class DescribedValue(NamedTuple):
 
 
 def values_of(described: Drive | Circuit) -> list[DescribedValue]:
-    """Return every value of a drive or a circuit, defaults included, in the order of its file.
+    """Return every value of a drive or a circuit, including defaults, in the order of the file.
 
     Examples
     --------

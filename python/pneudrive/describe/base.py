@@ -1,4 +1,4 @@
-"""Base class of all tables of a description: typed quantities, and one clear message for each error."""
+"""Base class of all tables of a description, with typed quantities and one message for each error."""
 
 from __future__ import annotations
 
@@ -56,10 +56,10 @@ _TYPES = {
 
 
 class Described(Shown, BaseModel):
-    """Base class of every table of a description: frozen, rejects unknown keys, gives one message for each error.
+    """Base class of every description table. It is frozen, rejects unknown keys and gives one message for each error.
 
     A field is stored in SI under a name with its unit (``bore_m``). The key of the file (``bore``) gives the same
-    number as a quantity that shows its unit.
+    number as a quantity with a unit.
     """
 
     #: pydantic builds the validator of a table at its first use, because a description uses few kinds of tables.
@@ -105,7 +105,7 @@ class Described(Shown, BaseModel):
 
         @classmethod
         def model_validate(cls, *given: object, **options: object) -> Described:
-            """Check, as `__init__` does."""
+            """Check the values as `__init__` does."""
             try:
                 return super().model_validate(*given, **options)
             except ValidationError as error:
@@ -122,7 +122,7 @@ class Described(Shown, BaseModel):
 
     @classmethod
     def marks(cls) -> dict[str, Quantity | StatedPressure]:
-        """Return the annotation of each quantity and pressure by its key."""
+        """Return the annotation of each quantity and pressure, by key."""
         marked = zip(cls.keys(), map(mark_of, cls.model_fields.values()), strict=True)
         return {key: mark for key, mark in marked if isinstance(mark, Quantity | StatedPressure)}
 
@@ -205,7 +205,9 @@ class Described(Shown, BaseModel):
                     if isinstance(mark, StatedPressure):
                         return f"Add {alias} = ...: {units.PRESSURE_NEEDED}."
                 if field.annotation is not None and hasattr(field.annotation, "model_fields"):
-                    return f"Add a table [{alias}]."
+                    own = field.annotation.model_fields.values()
+                    keys = [f'{one.alias} = "{one.examples[0]}"' for one in own if one.is_required() and one.examples]
+                    return f"Add a table [{alias}]{' with ' * bool(keys)}{', '.join(keys)}."
         return f"Add {alias} = ..."
 
     @classmethod
@@ -217,20 +219,20 @@ class Described(Shown, BaseModel):
 
     @cached_property
     def source_file(self) -> str:
-        """File that the description was read from, before its values were changed; empty if unknown."""
+        """File from which the description was read, before values were changed; empty if unknown."""
         return ""
 
     def read_from(self, file: str | Path) -> Self:
-        """Note the file that the description was read from, and return the description."""
+        """Store the file from which the description was read, and return the description."""
         vars(self)["source_file"] = str(file)
         return self
 
     def stored(self) -> Plain:
-        """Return the fields that are not None, by their names: values in SI, tables unchanged."""
+        """Return the fields that are not None, by name: values in SI, tables unchanged."""
         return {name: value for name in type(self).model_fields if (value := getattr(self, name)) is not None}
 
     def to_dict(self) -> Plain:
-        """Write the table as plain values, quantities with units; keys with their default are left out."""
+        """Return the given values of the table as plain values, quantities with units. Defaults are left out."""
         out: Plain = {}
         for name, field in type(self).model_fields.items():
             value = getattr(self, name)
@@ -239,7 +241,7 @@ class Described(Shown, BaseModel):
         return out
 
     def with_defaults(self) -> Plain:
-        """Write the table as `to_dict` does, with the keys that have their default."""
+        """Return the table in the form of `to_dict`, including the defaults."""
         return {key: as_tables(value, mark, defaults=True) for key, value, mark in self.entries()}
 
     def _card(self) -> Card:
@@ -251,7 +253,7 @@ class Described(Shown, BaseModel):
         return Card(title, rows=rows)
 
     def entries(self) -> Iterator[tuple[str, Any, Mark | None]]:
-        """Yield key, value and annotation of each field that is not None."""
+        """Yield key, value and annotation of each field that is not None or empty."""
         for name, field in type(self).model_fields.items():
             value = getattr(self, name)
             if value is not None and value != () and value != {}:
@@ -265,22 +267,22 @@ class Described(Shown, BaseModel):
 
 
 class DescribedFile(Described):
-    """Base of descriptions that are a file of their own."""
+    """Base of descriptions that have a separate file."""
 
     schema_version: Literal[1] = Field(default=1, alias="schema")
 
     def to_toml(self) -> str:
-        """Write the description as a file that `load` reads back to the same bits."""
+        """Return the description as TOML text, from which `load` reads exactly the same values."""
         return toml.write({"schema": self.schema_version} | self.to_dict())
 
 
 def mark_of(field: FieldInfo) -> Mark | None:
-    """Return the annotation with the reader and writer of a field."""
+    """Return the annotation that reads and writes the values of a field."""
     return next((m for m in field.metadata if isinstance(m, Mark)), None)
 
 
 def as_tables(value: Any, mark: Mark | None = None, *, defaults: bool = False) -> Any:  # noqa: ANN401 - any field
-    """Write a value as users would: tables as plain values, including those in lists and mappings."""
+    """Return a value in the form that users write. Tables become plain values, also in lists and dictionaries."""
     if mark is not None:
         return mark.show(value)
     if isinstance(value, Described):

@@ -43,10 +43,10 @@ STOP_KEYS = ("stiffness", "damping", "damping_depth")
 class Circuit(DescribedSystem):
     """A pneumatic circuit: components by name, and connections between their ports.
 
-    Frozen; `replace` returns a changed copy. `connections` are chains, ``"valve.4 -> hose -> cylinder.a"``. `plugged`
-    lists closed ports. `junctions` selects the model of a joint between two restrictions. `initial` is the default
-    start state of a run. Tables of a drive file, such as ``supply`` and ``cylinder``, define components of these names
-    with their default connections.
+    A circuit is frozen; `replace` returns a changed copy. `connections` are chains, ``"valve.4 -> hose ->
+    cylinder.a"``. `plugged` lists closed ports. `junctions` selects the model of a joint between two restrictions.
+    `initial` is the default start state of a run. Tables of a drive file, such as ``supply`` and ``cylinder``, define
+    components with these names and with default connections.
 
     Examples
     --------
@@ -119,7 +119,7 @@ class Circuit(DescribedSystem):
 
     @property
     def dew_point_pressure_pa(self) -> float | None:
-        """Absolute pressure at which the dew point of the gas is given, Pa; None without a dew point.
+        """Absolute pressure in Pa at which the dew point of the gas is given; None without a dew point.
 
         The default is the highest pressure of the circuit's reservoirs.
         """
@@ -153,7 +153,7 @@ class Circuit(DescribedSystem):
 
     @classmethod
     def from_tables(cls, tables: Plain, text: str, path: Path) -> Circuit:
-        """Make a circuit from the tables of a file, its text (lines of errors) and its path (folder of custom laws).
+        """Make a circuit from the tables of a file. Errors show lines of `text`. `path` locates custom laws.
 
         Raises
         ------
@@ -201,7 +201,7 @@ class Circuit(DescribedSystem):
 
     @property
     def commandable(self) -> dict[str, Signal | Positions | None]:
-        """Components with a command, each with its switching positions or its described electrical input."""
+        """Components with a command, each with its switching positions or its electrical input (None if not given)."""
         return {name: one.command_input for name, one in self.components.items() if hasattr(one, COMMAND)}
 
     #: Whether model errors are known: only those of a drive without lines.
@@ -214,7 +214,7 @@ class Circuit(DescribedSystem):
         Raises
         ------
         DescriptionError
-            If the circuit does not have exactly one of each.
+            If the circuit does not have exactly one cylinder and one commanded component.
         """
         cylinders = [name for name, one in self.components.items() if one.kind.startswith(f"{PISTON}/")]
         parts = {PISTON: cylinders, "valve": list(self.commandable)}
@@ -269,12 +269,12 @@ class Circuit(DescribedSystem):
         return self
 
     def circuit_values(self, given: object) -> Keyed:
-        """Return a dict or text of start values as a table."""
+        """Return start values, given as a dict or a text, as a table."""
         return start_values(given)
 
     @cached_property
     def origin_of(self) -> dict[str, Value]:
-        """Origins of values by their keys in the circuit file."""
+        """Origins of values, by key in the circuit file."""
         components = self.components.items()
         return {f"components.{name}.{key}": value for name, one in components for key, value in one.origins.items()}
 
@@ -289,12 +289,12 @@ class Circuit(DescribedSystem):
         return hashlib.sha256(self.core_json().encode()).hexdigest()
 
     def core_initial(self, initial: object = None) -> NamedNumbers:
-        """Return the start state in the core's form, in SI; `initial`, a dict or a text, overrides `self.initial`.
+        """Return the start state in the core's form, in SI. `initial` (dict or text) overrides `self.initial`.
 
         Raises
         ------
         CommandError
-            The argument has another type, or a text is not ``key = quantity, ...``.
+            The argument has another type, or a text does not have the form ``key = quantity, ...``.
         DescriptionError
             A start value is unknown or does not fit, or the core rejects the circuit.
         """
@@ -326,7 +326,7 @@ class Circuit(DescribedSystem):
         commands : dict, str, number, sequence or None
             Commands by component: ``{"valve_l": "0 s: 1, 0.5 s: -1", "valve_r": 0.4}``, each in a form of
             `pneudrive.simulate`. A text may begin with the name, ``"valve_l: 0 s: 1, 0.5 s: -1"``. The name is optional
-            if only one component has a command. A valve without a command stays shut.
+            if only one component has a command. A valve without a command stays closed.
         duration, sample_rate, rtol, ledger, budget, progress, cancel
             See `pneudrive.simulate`.
         initial : dict or str, optional
@@ -367,7 +367,7 @@ class Circuit(DescribedSystem):
 
     @property
     def joint_volumes(self) -> list[tuple[str, float]]:
-        """Gas joints without a component that has a volume: one port of each joint, and the volume of the joint, m3."""
+        """One port and the volume in m3 of each gas joint that has no component with a volume."""
         return self.system.compiled().joint_volumes
 
     @property
@@ -389,7 +389,7 @@ class Circuit(DescribedSystem):
         return Card(self.name, rows=rows, notes=[*self.connections, f"assumed: {', '.join(self.assumed())}"])
 
     def to_toml(self) -> str:
-        """Write the circuit as a file that `load` reads back to the same bits."""
+        """Return the circuit as TOML text, from which `load` reads exactly the same values."""
         tables: Plain = {"schema": self.schema_version} | self.to_dict()
         components = tables.pop("components").items()
         blocks = [block for name, one in components for block in toml.blocks(one, f"components.{name}", 2)]
@@ -397,7 +397,7 @@ class Circuit(DescribedSystem):
 
 
 def _relocate(error: Any, short: Short, parts: Mapping[str, Part]) -> Any:  # noqa: ANN401 - an error
-    """Set the key of an error to the key in its file: of the table of a component or a copy, or of the short form."""
+    """Set the key of an error to its key in the file: in a component's table, a table of copies, or the short form."""
     table, _, rest = (getattr(error, "key", None) or "").partition(".")
     name, dot, inner = rest.partition(".")
     written = parts[name].table if table == "components" and name in parts else ""

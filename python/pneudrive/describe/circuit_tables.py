@@ -29,8 +29,8 @@ def completed(data: Plain, short: Short, problems: Problems) -> Plain:
             both[name] = both[name] | table  # adds to the short form
             short.places |= {f"components.{name}.{key}": f"components.{name}.{key}" for key in table}
         else:
-            what = f'two components have the name "{name}": [{short.places[f"components.{name}"]}] has it already'
-            remedy = "Rename it. To add keys to that component, leave out kind."
+            what = f'two components have the name "{name}"; the other one is [{short.places[f"components.{name}"]}]'
+            remedy = "Rename this component. To add keys to the other component, leave out kind."
             problems.add(
                 wrong(f"components.{name}.kind", what, rule="each component has a different name", remedy=remedy)
             )
@@ -53,7 +53,7 @@ def read_components(
     parts : dict
         Data of all components for the wiring, by name.
     templates : dict
-        Names of the copies of each table that is not a component itself.
+        Names of the copies, by name of their table. Such a table is not a component.
     """
     components: dict[str, Component] = {}
     parts: dict[str, Part] = {}
@@ -85,7 +85,7 @@ def read_components(
                 problems.add(invalid(here, "describe.name-taken", own=own))
                 continue
             if own == AMBIENT or not _NAME.fullmatch(str(own)):
-                rule = 'letters, digits, "_" and "-", a letter first; not ambient'
+                rule = 'a letter or "_", then letters, digits, "_" or "-"; "ambient" is reserved'
                 problems.add(wrong(here, f'"{own}" is not valid as the name of a component', rule=rule))
             parts[own] = Part(entry, here, stated)
             if component is not None:
@@ -94,7 +94,7 @@ def read_components(
 
 
 def _used(name: str, table: Plain) -> Plain:
-    """Return a table over that of the catalogue part that it uses."""
+    """Merge a table over the table of the catalogue part that it names under `use`."""
     own = {key: value for key, value in table.items() if key != "use"}
     with within_component(name, table):
         part = catalogue.part_table(table["use"])

@@ -35,7 +35,7 @@ class Component(Described):
     """Component of a circuit.
 
     The class is generated from the core's entry of the kind. A number is stored in SI under a name with its unit. The
-    key without the unit returns it as a quantity.
+    key without the unit returns the number as a quantity with a unit.
     """
 
     model_config = ConfigDict(alias_generator=None)
@@ -61,6 +61,8 @@ class Component(Described):
                 plain[RATIO] = ratio
                 origins |= {RATIO: sourced.Value(RATIO, ratio, None, valve_flow.USUAL_RATIO_SAID)}
         made = handler(plain)
+        for key, value in getattr(getattr(made, "friction", None), "assumed", ()):
+            origins[f"friction.{key}"] = sourced.Value(f"friction.{key}", value, None, "no law was named")
         vars(made)["origins"] = origins
         return made
 
@@ -76,7 +78,7 @@ class Component(Described):
         keys: list[str] = []
         for old, key in cls.renamed.items():
             if old in table and key in table:
-                raise wrong(old, f"{old} and {key} are the same number", remedy=f"Keep {key}.")
+                raise wrong(old, f"{old} and {key} are two names of the same number", remedy=f"Keep {key}.")
         for written, given in table.items():
             key = cls.renamed.get(written, written)
             origin = given if sourced.has_origin(given) else None
@@ -96,9 +98,9 @@ class Component(Described):
 
     @classmethod
     def over(cls, base: Keyed, own: Keyed) -> Plain:
-        """Merge keys of a user over those of a part, each with its origin.
+        """Merge the keys of a user over the keys of a part, each with its origin.
 
-        If the user gives a flow size or a friction law in another form, it replaces that of the part.
+        A flow size or a friction law of the user replaces that of the part, even if it has another form.
         """
         out, own = cls.flat(base), cls.flat(own)
         for key, given in own.items():
@@ -156,7 +158,7 @@ class Component(Described):
         return [getattr(self, self.fields[key]) for key in keys]
 
     def numbers(self, ambient_pa: float) -> NamedNumbers:
-        """Return the known parameters by their keys, in SI, pressures absolute."""
+        """Return the known parameters by key, in SI, with absolute pressures."""
         out = {}
         acting = (p for p, has_effect in self._acting() if has_effect or not p["only"].startswith("no "))
         for key in (p["key"] for p in acting):
@@ -172,7 +174,7 @@ class Component(Described):
 
     @classmethod
     def same_size(cls, key: str) -> list[str]:
-        """Return the alternative keys of a flow path's size; empty for any other key."""
+        """Return the other keys for the size of the same flow path; empty if the key is not a size."""
         groups = (flow_keys(cls.entry, parameter["key"]) for parameter in cls.entry["parameters"])
         return [other for keys in groups if key in keys for other in keys if other != key]
 
@@ -196,17 +198,17 @@ class Component(Described):
 
     @property
     def command_input(self) -> Signal | Positions | None:
-        """Commands of a switching component, or the described electrical input."""
+        """Commands of a switching component, or the electrical input of any other component (None if not given)."""
         if self.kind in SWITCHED and _PULSES not in self.plain():
             return Positions(tuple(SWITCHED[self.kind]), getattr(self, COMMAND))
         return getattr(self, COMMAND)
 
     def to_dict(self) -> Plain:
-        """Write the table, values with their origin if it is known."""
+        """Return the table, with the origin of each value if it is known."""
         return sourced.put_back(self.plain(), self.origins)
 
     def plain(self) -> Plain:
-        """Write the table with its values only."""
+        """Return the table with its values only."""
         return super().to_dict()
 
     @property
@@ -225,9 +227,6 @@ class Component(Described):
                 yield f"{parameter['key']} = {self.default(field)}, {parameter['assumed']}"
             if parameter["follows"] and field not in self.model_fields_set:
                 yield f"{parameter['key']} follows {parameter['follows']}"
-        friction = getattr(self, "friction", None)
-        if friction is not None:
-            yield from (f"friction.{key} = {value}" for key, value in friction.assumed)
 
     @property
     def idle(self) -> Iterator[str]:
@@ -255,7 +254,7 @@ def unusual_sizes(description: Described, usual: Mapping[str, Interval]) -> Iter
         size = getattr(description, key, None)
         if size is not None and not low <= size <= high:
             least, most = (UnitFloat(end, size.si_unit, size.unit) for end in (low, high))
-            yield key, size, low if size < low else high, f"usual are {least} to {most} (assumed): check the unit"
+            yield key, size, low if size < low else high, f"check the unit: usual are {least} to {most} (assumed)"
 
 
 def component(table: Keyed) -> Component:
@@ -288,7 +287,7 @@ def component(table: Keyed) -> Component:
 
 @contextmanager
 def within_component(name: str, table: Keyed, above: str = "components.") -> Iterator[None]:
-    """Give the errors of a component's table their full keys in the file. Errors located in another file stay."""
+    """Give the errors of a component's table their full keys in the file. Errors in another file stay unchanged."""
     try:
         yield
     except DescriptionError as error:
@@ -424,7 +423,7 @@ SWITCHED: dict[str, list[float]] = package_table(__file__, "switched.toml")
 _PULSES = "pwm_frequency"
 #: Keys of a spool.
 _SPOOL = ("frequency", "damping_ratio", "stroke_time", "delay", "hysteresis", "overlap", "leakage")
-_SWITCHES = 'The valve switches, after time_on and time_off. A spool belongs to kind = "valve/proportional-5/3".'
+_SWITCHES = 'A switching valve has time_on and time_off. For a spool, write kind = "valve/proportional-5/3".'
 
 
 #: Alternatives to the conductance as size of a flow path, by the last word of their key.

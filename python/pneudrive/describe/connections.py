@@ -1,4 +1,4 @@
-"""Connections between the components of a circuit: convert chains of ports to joints, and report errors.
+"""Connections between the components of a circuit: conversion of chains of ports to joints, and check of the joints.
 
 In `a -> b -> c`, a component with two ports is entered at its first port and left at its second. Exhausts and optional
 ports are skipped. Any other port must be named. `a.4 .. b.12` is a pilot line: the pressure of a.4 acts on port 12 of
@@ -29,7 +29,7 @@ class Part(NamedTuple):
 
     @property
     def table(self) -> str:
-        """Key of the table of the component; for a copy, of its original."""
+        """Key of the component's table. Copies share the key of one table."""
         return self.key.partition(".copies")[0]
 
 
@@ -87,7 +87,7 @@ class Joint:
 
     @property
     def is_constant(self) -> bool:
-        """Whether the pressure of the joint is fixed from outside."""
+        """Whether ambient air or a reservoir fixes the pressure of the joint."""
         return self.ambient or bool(self.holders)
 
     @property
@@ -110,7 +110,7 @@ class Wiring:
     templates : mapping
         Name of a table with copies -> names of these copies.
     problems : Problems
-        Gathers the errors.
+        Collects the errors.
 
     Attributes
     ----------
@@ -173,7 +173,7 @@ class Wiring:
         """Join the ports of one connection."""
         with self.problems.caught():
             if not isinstance(chain, str):
-                raise wrong(key, f"connection {chain!r} is not a text", remedy='Write "supply -> valve.1".')
+                raise wrong(key, f"connection {chain!r} is not a string", remedy='Write "supply -> valve.1".')
             is_line = PILOT_LINE in chain
             if is_line and ARROW in chain:
                 raise invalid(key, "describe.chain-and-pilot-line", chain=chain, arrow=ARROW, pilot_line=PILOT_LINE)
@@ -199,7 +199,7 @@ class Wiring:
         first: bool,
         last: bool,
     ) -> tuple[Port | None, Port | None]:
-        """Return the ports at which a chain enters and leaves a component, each None if unknown."""
+        """Return the ports at which a chain enters and leaves a component; None for a port that does not exist."""
         if word == AMBIENT:
             return AIR, AIR
         name, dot, port = word.partition(".")
@@ -219,12 +219,12 @@ class Wiring:
         if len(through) == 2 and all(one.is_single or one.kind == "axis" for one in through):
             return (None if first else through[0]), (None if last else through[1])
         listed = ", ".join(one.id for one in ports)
-        raise wrong(key, f"{name} has {len(ports)} ports, but the connection names none", remedy=f"Name one: {listed}.")
+        raise wrong(key, f"{name} has {len(ports)} ports; the connection must name one", remedy=f"Ports: {listed}.")
 
     def _known(self, name: str, word: str, key: str) -> None:
         if name in self.templates:
             copies = ", ".join(self.templates[name])
-            raise wrong(key, f"{name} is a table of copies, not a component", remedy=f"Name one of them: {copies}.")
+            raise wrong(key, f"{name} is a table of copies, not a component", remedy=f"Name a copy: {copies}.")
         if name not in self.parts:
             known = [*self.parts, AMBIENT]
             raise wrong(key, f'there is no component "{name}"', remedy=nearest(name, known))
@@ -299,7 +299,7 @@ class Wiring:
             name, dot, port = str(text).partition(".")
             self._known(name, str(text), key)
             if not dot:
-                raise wrong(key, f'"{text}" is not a port', rule="a plug shuts a port", remedy='Write "valve.2".')
+                raise wrong(key, f'"{text}" is not a port', rule="a plug closes a port", remedy='Write "valve.2".')
             found = self._port(name, port, key) if self.parts[name].entry is not None else None
             if found is not None and found in self.at:
                 raise invalid(key, "describe.plugged-and-joined", text=text, at=self.at[found])
@@ -307,7 +307,7 @@ class Wiring:
         return None
 
     def _rest(self, plugged: Mapping[Port, str]) -> None:
-        """Close plugged ports and open exhausts to the ambient air; any other unconnected port is an error."""
+        """Close plugged ports, connect free exhausts to ambient air, and report other free ports that are required."""
         for port, key in plugged.items():
             self._joint(port, key)
         taken = self.meant | set(self.at)
@@ -345,7 +345,7 @@ class Wiring:
             self._islands()
 
     def _islands(self) -> None:
-        """Warn of gas without a path to a reservoir; this is an error for a joint without any volume."""
+        """Warn about gas without a path to a reservoir. Joints without a path to any volume are an error."""
         left = [joint for joint in self.joints if any(port.kind == "gas" for port in joint.ports)]
         while left:
             group = left[:1]

@@ -11,13 +11,14 @@ from typing import TYPE_CHECKING, Any, ClassVar
 from pydantic import Field, model_validator
 
 from pneudrive.describe.base import as_tables, escaped, inline
+from pneudrive.describe.components import USUAL, unusual_sizes
 from pneudrive.describe.files import catalogue, provenance, sourced, toml
 from pneudrive.describe.files.provenance import Origin
 from pneudrive.describe.formulas import written
 from pneudrive.describe.formulas.law import law_of
 from pneudrive.describe.marks import Positions, Signal, absolute_above_vacuum
 from pneudrive.describe.short import TABLES, Short, without_other_sizes
-from pneudrive.describe.system import PISTON, DescribedSystem, System, drive_names, short_name
+from pneudrive.describe.system import PISTON, DescribedSystem, System, drive_names, expanded_drive, short_name
 from pneudrive.describe.tables.dependences import DEPENDENCES
 from pneudrive.describe.tables.friction import Friction, friction_laws
 from pneudrive.describe.tables.parts import Cylinder, EndStop, Initial, Load, Supply, Valve, assumed_stops
@@ -47,8 +48,8 @@ class _FileOrTable(classmethod):
 class Drive(DescribedSystem):
     """Pneumatic drive: supply, valve, cylinder with friction, load.
 
-    Frozen; `replace` returns a changed copy. Every value has two names: ``drive.cylinder.bore`` is a quantity with
-    unit, as in the drive file, and ``drive.cylinder.bore_m`` is the plain number in SI.
+    A drive is frozen; `replace` returns a changed copy. Every value has two names: ``drive.cylinder.bore`` is a
+    quantity with unit, as in the drive file, and ``drive.cylinder.bore_m`` is the plain number in SI.
 
     Examples
     --------
@@ -108,7 +109,7 @@ class Drive(DescribedSystem):
 
     @classmethod
     def from_tables(cls, tables: Plain, text: str, path: Path) -> Drive:
-        """Make a drive from the tables of a file, its text (lines of errors) and its path (folder of custom laws).
+        """Make a drive from the tables of a file. Errors show lines of `text`. `path` locates custom laws.
 
         Raises
         ------
@@ -142,7 +143,7 @@ class Drive(DescribedSystem):
         ----------
         changes : dict
             Dotted keys of the drive file, each with a quantity or a table: ``{"friction.coulomb": "31 N"}``. The
-            provenance of a changed value is dropped. The key ``"provenance"`` adds a table of new ones.
+            provenance of a changed value is dropped. The key ``"provenance"`` adds the provenance of new values.
 
         Examples
         --------
@@ -158,21 +159,24 @@ class Drive(DescribedSystem):
         if known:
             after = type(self).model_validate(tables | {"provenance": known})
         vars(after)["origin_of"] = _untouched(self.origin_of.values(), nested)
+        if "law" not in (changed := nested.get("friction", {})):
+            kept = (one for one in self.friction.assumed if one[0] not in changed)
+            vars(after.friction)["assumed"] = tuple(kept)
         return after.read_from(self.source_file)
 
     @property
     def supply_pressure_pa(self) -> float:
-        """Absolute supply pressure, Pa."""
+        """Absolute supply pressure in Pa."""
         return self.supply.pressure.absolute_pa(self.ambient.pressure_pa)
 
     @property
     def dew_point_pressure_pa(self) -> float | None:
-        """Absolute pressure at which the dew point of the gas is given, Pa; None without a dew point."""
+        """Absolute pressure in Pa at which the dew point of the gas is given; None without a dew point."""
         return self.gas.dew_point_pressure_pa(self.ambient.pressure_pa, self.supply_pressure_pa)
 
     @property
     def component_places(self) -> list[tuple[str, str]]:
-        """Pairs of a component's key in a circuit file and its key in the drive file; the longest keys come first."""
+        """Pairs of a component's key in a circuit file and in the drive file, with the longest drive keys first."""
         places = Short(self.to_dict() | {"friction": self.friction}, Problems()).places
         out = sorted((places | {"components.supply.gas": "gas"}).items(), key=lambda one: -len(one[1]))
         return out if "components.load" in places else [*out, ("components.cylinder", "load")]
@@ -209,12 +213,13 @@ class Drive(DescribedSystem):
     def system(self) -> System:
         """Circuit of the drive in the core's form, and the names of the drive file."""
         if self.is_plain:
-            return System.of_drive(self.short_form())
+            form = json.dumps(expanded_drive(self.short_form()), sort_keys=True)
+            return System(form, drive_names(only=True))
         return System(self.circuit.core_json(), drive_names(only=False))
 
     @property
     def commandable(self) -> dict[str, Signal | Positions | None]:
-        """The valve, under an empty name, with its switching positions or its described electrical input."""
+        """The valve, under an empty name, with its switching positions or its electrical input (None if not given)."""
         return {"": Positions((-1.0, 0.0, 1.0)) if self.valve.is_switching else self.valve.command}
 
     @property
@@ -243,7 +248,7 @@ class Drive(DescribedSystem):
         }
 
     def core_initial(self, initial: StartState = None) -> NamedNumbers:
-        """Return the start state in SI by the names of the drive, pressures absolute.
+        """Return the start state in SI by the names of the drive, with absolute pressures.
 
         `initial` is an `Initial`, or its keys as a dict or a text.
 
@@ -304,7 +309,12 @@ class Drive(DescribedSystem):
     @property
     def notes(self) -> list[str]:
         """Warnings from reading the drive: a friction table without a law, unusual sizes."""
-        return [*([f"friction {self.friction.note}"] if self.friction.note else []), *self.circuit.unusual]
+        notes = [f"friction {self.friction.note}"] if self.friction.note else []
+        if not self.is_plain:
+            return notes + self.circuit.unusual
+        tables = {"valve": self.valve, "cylinder": self.cylinder}  # a circuit would cost more than a run
+        sizes = ((name, *size) for name, table in tables.items() for size in unusual_sizes(table, USUAL))
+        return notes + [f"{name}.{key} = {size}; {rule}" for name, key, size, _, rule in sizes]
 
     def _card(self) -> Card:
         """Return a card with a line for each table and its given values."""
@@ -346,7 +356,7 @@ def _kept(table: str, old: Plain, own: Plain) -> Plain:
 
 
 def _untouched(values: Iterable[sourced.Value], changes: Keyed) -> dict[str, sourced.Value]:
-    """Return the values of the catalogue that a user's tables do not change, by their keys in the drive file."""
+    """Return the values of the catalogue that the user's tables do not change, by key in the drive file."""
     touched = {one for key, _ in toml.leaves(changes) for one in toml.above(key)}
     sizes = set(FLOW_KEYS) & set(changes.get("valve", {}))
     other_law = isinstance(changes.get("friction"), dict) and "law" in changes["friction"]

@@ -57,7 +57,7 @@ def is_bare(parameter: Keyed) -> bool:
 
 
 def flow_keys(entry: Keyed, key: str) -> tuple[str, ...]:
-    """Return the alternative keys of a flow path's size. For other parameters, return the key itself."""
+    """Return the alternative keys for the size of a flow path. For other parameters, return the key itself."""
     keys = {p["key"] for p in entry["parameters"]}
     if key.endswith("conductance") and keys.issuperset(FLOW):
         return tuple(key.removesuffix("conductance") + name for name in valve_flow.FLOW_KEYS)

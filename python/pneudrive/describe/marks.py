@@ -66,7 +66,7 @@ class PerChamber(NamedTuple):
 
 
 def quantity(given: object, si_unit: str, bounds: Bounds, written: str | None = None) -> float:
-    """Convert one quantity to a checked SI value, or raise `DescriptionError` with its rule in the unit `written`."""
+    """Convert one quantity to SI and check it. A `DescriptionError` gives the violated rule in the unit `written`."""
     if not isinstance(given, str | UnitFloat):
         raise DescriptionError(f"{given!r} has no unit", rule=units.needed(si_unit))
     value = units.parse(given, si_unit) if isinstance(given, str) else given.si_as(si_unit)
@@ -78,9 +78,9 @@ def quantity(given: object, si_unit: str, bounds: Bounds, written: str | None = 
 
 
 def number(given: object, bounds: Bounds) -> float:
-    """Check a pure number, or raise `DescriptionError`."""
+    """Check a number without a unit, or raise `DescriptionError`."""
     if isinstance(given, bool | UnitFloat) or not isinstance(given, (int, float)):
-        raise DescriptionError(f"{given!r} is not a number", rule="a pure number, without unit and quotes")
+        raise DescriptionError(f"{given!r} is not a number", rule="a number without unit and quotes")
     try:
         value = float(given)
     except OverflowError:  # a whole number beyond all numbers with a fraction
@@ -92,7 +92,7 @@ def number(given: object, bounds: Bounds) -> float:
 
 
 def table_schema(properties: Plain, required: list[str] | None = None) -> Plain:
-    """Return the JSON schema of a table that has no other keys."""
+    """Return the JSON schema of a table that may have only these keys."""
     needed = {} if required is None else {"required": required}
     return {"type": "object", "properties": properties, **needed, "additionalProperties": False}
 
@@ -102,11 +102,11 @@ class Mark:
     """Base of the annotations of fields: reader, writer and schema of a value."""
 
     def read(self, given: Any) -> Any:  # noqa: ANN401 - any type of the field
-        """Convert and check, or raise `DescriptionError`."""
+        """Convert and check a value that a user wrote, or raise `DescriptionError`."""
         raise NotImplementedError
 
     def show(self, value: Any) -> Any:  # noqa: ANN401
-        """Write the value as users would."""
+        """Return the value in the form that users write."""
         return value
 
     def named(self, value: Any) -> Any:  # noqa: ANN401
@@ -125,7 +125,7 @@ class Mark:
             raise wrong(f"{above}{key}", f"{key}: {error.what}", rule=error.rule, remedy=error.remedy) from None
 
     def __get_pydantic_core_schema__(self, source: object, handler: object) -> core_schema.CoreSchema:
-        """Validate only by `read`."""
+        """Use `read` as the only validation."""
         return core_schema.no_info_plain_validator_function(self.read)
 
     def __get_pydantic_json_schema__(self, schema: object, handler: object) -> Plain:
@@ -140,9 +140,9 @@ class Quantity(Mark):
     Parameters
     ----------
     si_unit : str
-        Unit of the stored value, as in `pneudrive.units.parse`; empty for a pure number.
+        Unit of the stored value, as in `pneudrive.units.parse`; empty for a number without a unit.
     written : str, optional
-        Preferred unit when the value is written.
+        Preferred unit for output.
     bounds : Bounds
         Bounds in SI.
     """
@@ -153,19 +153,19 @@ class Quantity(Mark):
 
     @property
     def ends(self) -> Interval:
-        """Lower and upper bound, as `bounds` states them."""
+        """Lower and upper bound of the value in SI."""
         return self.bounds.ends
 
     def read(self, given: object) -> float:
-        """Convert and check."""
+        """Convert and check a quantity, or a number without a unit."""
         return quantity(given, self.si_unit, self.bounds, self.written) if self.si_unit else number(given, self.bounds)
 
     def show(self, value: float) -> str | float:
-        """Write the value as users would."""
+        """Return the value in the form that users write."""
         return units.write(value, self.si_unit, self.written) if self.si_unit else value
 
     def named(self, value: Any) -> Any:  # noqa: ANN401 - any type of the field
-        """Return the stored value as a quantity that shows its unit; a pure number stays unchanged."""
+        """Return the stored value as a quantity that shows its unit. A number without a unit stays unchanged."""
         if isinstance(value, float) and self.si_unit:
             return UnitFloat(value, self.si_unit, self.written)
         if isinstance(value, tuple):
@@ -194,7 +194,7 @@ class EachChamber(Quantity):
             raise DescriptionError(f"{given!r} is not one value for each chamber", remedy="Write { a = ..., b = ... }.")
         for key in given:
             if key not in {"a", "b"}:
-                raise wrong(str(key), f"'{key}' is not known here", remedy=nearest(str(key), ["a", "b"]))
+                raise wrong(str(key), f"'{key}' is not a chamber", remedy=nearest(str(key), ["a", "b"]))
         values = []
         for chamber in ("a", "b"):
             if chamber not in given:
@@ -207,11 +207,11 @@ class EachChamber(Quantity):
         return PerChamber(*values)
 
     def show(self, value: PerChamber) -> dict[str, str]:  # type: ignore[override]
-        """Write both values as users would."""
+        """Return both values in the form that users write."""
         return {chamber: units.write(one, self.si_unit, self.written) for chamber, one in value._asdict().items()}
 
     def schema(self) -> Plain:
-        """Describe a table of two quantities."""
+        """Return the JSON schema of a table with two quantities."""
         one = super().schema()
         return table_schema({"a": one, "b": one}, ["a", "b"])
 
@@ -225,14 +225,14 @@ class StatedPressure(Mark):
     ends: ClassVar[Interval] = (0.0, math.inf)
 
     def read(self, given: object) -> Pressure:
-        """Convert and check; an absolute pressure is above zero."""
+        """Convert and check a pressure. An absolute pressure must be above zero."""
         if isinstance(given, Pressure):
             return given
         if not isinstance(given, str):
             raise DescriptionError(f"{given!r} has no unit", rule=units.PRESSURE_NEEDED)
-        pressure = units.parse_pressure(given)
+        pressure = units.parse_pressure(given, gauge_allowed=self.gauge_allowed)
         if pressure.gauge and not self.gauge_allowed:
-            raise DescriptionError(f'"{given}" is gauge, but defines the ambient pressure', remedy='Write "... abs".')
+            raise DescriptionError(f'the ambient pressure "{given}" must be absolute', remedy='Write "... abs".')
         if not pressure.gauge and not pressure.value_pa > 0.0:
             raise DescriptionError(f'"{given}" is out of bounds', rule="an absolute pressure is greater than 0")
         return pressure
@@ -276,9 +276,9 @@ class Reads(Mark):
     Parameters
     ----------
     how : callable
-        Converts and checks.
+        Function that converts and checks a value.
     write : callable, optional
-        Writes the value as users would. None: the value is already in that form.
+        Function that returns the value in the form that users write. None: the value already has this form.
     form : dict
         JSON schema of the form that users write.
     """
@@ -288,11 +288,11 @@ class Reads(Mark):
     form: Plain = field(default_factory=dict, hash=False)
 
     def read(self, given: Any) -> Any:  # noqa: ANN401 - result of the function
-        """Convert and check."""
+        """Convert and check a value with the reader function."""
         return self.how(given)
 
     def show(self, value: Any) -> Any:  # noqa: ANN401
-        """Write the value as users would."""
+        """Return the value in the form that users write."""
         return value if self.write is None else self.write(value)
 
     def schema(self) -> Plain:
@@ -325,7 +325,7 @@ class Whole(Quantity):
     bound: str | None = "count"
 
     def read(self, given: object) -> int:
-        """Check."""
+        """Check that the value is a whole number within its bounds."""
         if isinstance(given, bool) or not isinstance(given, int):
             raise DescriptionError(f"{given!r} is not a whole number")
         if given < self.at_least:
@@ -345,7 +345,7 @@ class Percent(Quantity):
     si_unit: str = "%"
 
     def read(self, given: object) -> float:
-        """Convert and check."""
+        """Convert and check a percentage."""
         share = units.share_of(given)
         if share is None:
             raise DescriptionError(f"{given!r} is not a percentage", remedy='Write "5 %".')
@@ -355,7 +355,7 @@ class Percent(Quantity):
         return share
 
     def show(self, value: float) -> str:
-        """Write the value as users would."""
+        """Return the value in the form that users write."""
         return units.write_share(value)
 
     def schema(self) -> Plain:
@@ -371,13 +371,13 @@ class Between(Quantity):
     """Annotation of a field for a range, ``"15 degC .. 30 degC"``, stored as (low, high)."""
 
     def read(self, given: object) -> Interval:  # type: ignore[override]
-        """Convert and check."""
+        """Convert and check a range."""
         if not isinstance(given, str):
             raise DescriptionError(f"{given!r} is not a range", rule=units.needed(self.si_unit))
         return units.parse_range(given, self.si_unit)
 
     def show(self, value: Interval) -> str:  # type: ignore[override]
-        """Write the value as users would."""
+        """Return the value in the form that users write."""
         return " .. ".join(units.write(end, self.si_unit, self.written) for end in value)
 
     def schema(self) -> Plain:
@@ -389,7 +389,7 @@ class PressureBetween(StatedPressure):
     """Annotation of a field for a range of pressures, ``"0 bar gauge .. 10 bar gauge"``, stored as both ends."""
 
     def read(self, given: object) -> tuple[Pressure, Pressure]:  # type: ignore[override]
-        """Convert and check."""
+        """Convert and check a range of pressures."""
         ends = given.split("..") if isinstance(given, str) else []
         if len(ends) != 2:
             raise DescriptionError(f'"{given}" is not a range', remedy='Write "0 bar gauge .. 10 bar gauge".')
@@ -399,20 +399,20 @@ class PressureBetween(StatedPressure):
         return low, high
 
     def show(self, value: tuple[Pressure, Pressure]) -> str:  # type: ignore[override]
-        """Write the value as users would."""
+        """Return the value in the form that users write."""
         return f"{value[0]} .. {value[1]}"
 
 
 def absolute_above_vacuum(pressure: Pressure, ambient_pa: float, key: str, what: str | None = None) -> float:
-    """Return an absolute pressure, Pa, or raise the error of its key; `what` names the value in the message."""
+    """Return an absolute pressure in Pa, or raise the error of its key. `what` names the value in the message."""
     absolute_pa = pressure.absolute_pa(ambient_pa)
     if not absolute_pa > 0.0:
-        raise wrong(key, f"{what or key} is below vacuum", rule="gauge + ambient > 0")
+        raise wrong(key, f"{what or key} is below vacuum", rule="gauge pressure + ambient pressure > 0")
     return absolute_pa
 
 
 def absolute(ends: tuple[Pressure, Pressure], ambient_pa: float) -> Interval:
-    """Return both ends of a range of pressures as absolute pressures, Pa."""
+    """Return both ends of a range of pressures as absolute pressures in Pa."""
     return ends[0].absolute_pa(ambient_pa), ends[1].absolute_pa(ambient_pa)
 
 
@@ -430,10 +430,10 @@ ON_PAPER = Reads(_on_paper, list, {"type": "array", "items": {"type": "number"},
 
 
 class PureNumber(Quantity):
-    """Annotation of a field for a pure number, or a fraction in per cent, "0.4 %"."""
+    """Annotation of a field for a number without a unit, or for a fraction in per cent, "0.4 %"."""
 
     def read(self, given: object) -> float:
-        """Convert and check."""
+        """Convert and check a number or a percentage."""
         if isinstance(given, str) and given.endswith("%"):
             try:
                 given = float(given.removesuffix("%")) / 100.0
@@ -442,7 +442,7 @@ class PureNumber(Quantity):
         return super().read(given)
 
     def schema(self) -> Plain:
-        """Describe both forms."""
+        """Return the JSON schema of both forms."""
         number = super().schema()
         return {"anyOf": [number, {"type": "string", "pattern": r"^\S+\s*%$"}]}
 
@@ -474,7 +474,7 @@ class PointRows(Quantity):
         if not isinstance(given, list | tuple) or not all(isinstance(one, dict) for one in given):
             raise DescriptionError(f"{given!r} is not a list of points", remedy=f"Write [{example}, {example}].")
         if not 2 <= len(given) <= self.most:
-            raise DescriptionError(f"{len(given)} points", rule=f"2 to {self.most} points")
+            raise DescriptionError(f"the number of points is {len(given)}", rule=f"2 to {self.most} points")
         rows = tuple(self._row(dict(one), number, example) for number, one in enumerate(given, start=1))
         key, first, _ = self.columns[0]
         for before, after in pairwise(rows):
@@ -493,7 +493,7 @@ class PointRows(Quantity):
         )
 
     def show(self, value: Sequence[Sequence[float]]) -> list[dict[str, str | float]]:  # type: ignore[override]
-        """Write the points as users would."""
+        """Return the points in the form that users write."""
         return [
             {key: mark.show(one) for (key, mark, default), one in zip(self.columns, row, strict=True) if one != default}
             for row in value
@@ -539,9 +539,10 @@ _FORM = '"0 V .. 10 V" or "4 mA .. 20 mA"'
 
 
 class Signal(NamedTuple):
-    """Range of a valve's electrical input, V or A.
+    """Range of a valve's electrical input in V or A.
 
-    The lower end opens b fully to the supply (u = -1), the upper end a (u = 1); the valve is shut in the middle.
+    The lower end (u = -1) opens supply -> b fully, and the upper end (u = 1) opens supply -> a fully. The valve is
+    closed in the middle of the range.
     """
 
     low: float
@@ -558,7 +559,7 @@ class Signal(NamedTuple):
         Raises
         ------
         CommandError
-            If the text is another quantity, or outside the range.
+            If the text is not a voltage or current of this range.
 
         Examples
         --------

@@ -1,8 +1,8 @@
-"""Short form of a circuit: converts the tables of a drive file to components with default connections.
+"""Short form of a circuit: conversion of the tables of a drive file to components with default connections.
 
-``[supply]``, ``[valve]`` and ``[cylinder]`` are components of these names. ``[friction]`` belongs to the cylinder, and
-``[load]`` moves with it. ``[tubing]`` and ``[flow_control]`` are between valve and cylinder, for each chamber. Keys are
-only renamed; no value is computed.
+``[supply]``, ``[valve]`` and ``[cylinder]`` become components with these names. ``[friction]`` belongs to the cylinder,
+and ``[load]`` moves with the piston. ``[tubing]`` and ``[flow_control]`` are between valve and cylinder, for each
+chamber. Keys are only renamed; no value is computed.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ class Short:
     data : mapping
         Tables of a drive file or a circuit file.
     problems : Problems
-        Gathers the errors.
+        Collects the errors.
 
     Attributes
     ----------
@@ -114,7 +114,7 @@ def _tables(data: Keyed, problems: Problems) -> Plain:
             what = f"[{key}] belongs to a [cylinder]" + (" behind a [valve]" if key in _LINES else "")
             rest = " and ".join(f"[{one}]" for one in missing)
             remedy = f"Add {rest}, or write it as [components.NAME]."
-            problems.add(wrong(key, f"{what}, but {rest} is missing", remedy=remedy))
+            problems.add(wrong(key, f"{what}; missing: {rest}", remedy=remedy))
             del given[key]
     return given
 
@@ -127,7 +127,7 @@ def _of_kind(table: Keyed, family: str) -> Plain:
 
 
 def _flow_control(table: Keyed, where: str) -> Plain:
-    """Return the table of a flow control; the default size of its check valve is that of its needle."""
+    """Return the table of a flow control. A check valve without a size has the size of the needle."""
     for size in (size for size in FLOW_KEYS if size in table and f"{_NEEDLE}{size}" in table):
         raise invalid(f"{where}.{size}", "describe.size-twice", shown=where, size=size, needle=_NEEDLE)
     out = {f"{_NEEDLE}{key}" if key in FLOW_KEYS else key: given for key, given in table.items()}
@@ -139,7 +139,7 @@ def _flow_control(table: Keyed, where: str) -> Plain:
 
 
 def without_other_sizes(old: Keyed, own: Keyed) -> Plain:
-    """Return the keys of a valve or a flow control without the sizes of the flow paths that the user sizes anew."""
+    """Return the old keys of a valve or a flow control, except the sizes of flow paths that have a new size."""
     given = {_path(key) for key in own} - {""}
     return {key: value for key, value in old.items() if _path(key) not in given}
 
@@ -191,7 +191,7 @@ def _chains(has: Keyed, data: Keyed) -> list[str]:
 
 
 def _has_ports(table: Keyed, *names: str) -> bool:
-    """Return whether a valve has the ports 4 and 2. True for a valve of the catalogue, whose kind is not known yet."""
+    """Return whether a valve has the named ports. True for a valve of the catalogue, whose kind is not known yet."""
     kind = table.get("kind")
     entry = component_kinds().get(kind) if isinstance(kind, str) else None
     return entry is None or set(names) <= {port["name"] for port in entry["ports"]}

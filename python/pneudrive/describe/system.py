@@ -33,7 +33,7 @@ _OUTSIDE = {full: short for short, full in DRIVE_NAMES.items() if not full.start
 
 
 class System(NamedTuple):
-    """A described system.
+    """Circuit of a description in the core's form, with the names of its variables.
 
     Attributes
     ----------
@@ -46,11 +46,6 @@ class System(NamedTuple):
 
     json: str
     names: ShortNames | None = None
-
-    @classmethod
-    def of_drive(cls, form: Plain) -> System:
-        """Return the system of a drive without lines, from its tables in SI (`Drive.short_form`)."""
-        return cls(json.dumps(expanded_drive(form), sort_keys=True), drive_names(only=True))
 
     def compiled(self) -> _core.Circuit:
         """Return the core's circuit; each system is compiled once.
@@ -89,7 +84,7 @@ def compiled(core_json: str, names: ShortNames | None = None) -> _core.Circuit:
 
 
 def expanded_drive(form: Plain) -> Plain:
-    """Return the circuit of a drive without lines, both in the core's form.
+    """Return the circuit of a drive without lines, in the core's form.
 
     Parameters
     ----------
@@ -115,13 +110,13 @@ def expanded_drive(form: Plain) -> Plain:
 
 
 def core_part(name: str, kind: str, table: Keyed, **more: object) -> Plain:
-    """Return a component in the core's form, from its table in SI, whose keys carry units."""
+    """Return a component in the core's form, from a table in SI with units in the keys."""
     numbers = {key_of(key): value for key, value in table.items() if value is not None}
     return {"name": name, "kind": kind, "numbers": numbers} | more
 
 
 def short_name(name: str, piston: str = PISTON) -> str:
-    """Return the drive's name of a variable of its circuit. Other names stay unchanged.
+    """Return the drive's name for a variable of its circuit. A name without such a drive name stays unchanged.
 
     Examples
     --------
@@ -170,7 +165,7 @@ class DescribedSystem(DescribedFile):
 
     @cached_property
     def origin_of(self) -> dict[str, Value]:
-        """Origins of values by their keys in the file. Comparisons ignore them."""
+        """Origins of values, by key in the file. Comparisons ignore the origins."""
         return {}
 
     @cached_property
@@ -179,7 +174,7 @@ class DescribedSystem(DescribedFile):
         raise NotImplementedError
 
     def assumed(self) -> list[str]:
-        """Return the assumed values as ``key = value``: neither given nor backed by a source."""
+        """Return the assumed values, which are not given and have no source, as ``key = value``."""
         return [line.format(name) for line, name in self.assumptions]
 
     def core_json(self) -> str:
@@ -194,7 +189,7 @@ class DescribedSystem(DescribedFile):
         initial : Initial, dict or str, optional
             As for `pneudrive.simulate`: start values that differ from those of the description, for a drive
             ``"position = 50 mm"``, for a circuit ``{"left.position": "20 mm"}`` or
-            ``"left.position = 20 mm, tank = 5 bar abs"``. Valves are shut until the session's first command.
+            ``"left.position = 20 mm, tank = 5 bar abs"``. Valves are closed until the session's first command.
         rtol : float
             Relative tolerance of the solver.
 
@@ -223,7 +218,7 @@ class DescribedSystem(DescribedFile):
         return upper("start")(self, initial, rtol)
 
     def sources(self) -> list[str]:
-        """Return the values with a source, as ``key = value [source]``; in a circuit, keys begin with the component."""
+        """Return the values with a source, as ``key = value [source]``. In a circuit, keys begin with the component."""
         known = ((key.removeprefix(self.key_prefix), value) for key, value in self.origin_of.items())
         return [f"{key} = {inline(value.value)} [{value.source}]" for key, value in known if value.source is not None]
 

@@ -1,4 +1,4 @@
-"""Tanks: a fixed volume on a line, optionally through a tube, with a leak.
+"""Tanks: fixed volumes with a leak, connected to a line directly or through a tube.
 
 Tanks describe tests of leakage, discharge and charging.
 """
@@ -91,7 +91,7 @@ def _tube(table: object) -> object:
 
 
 class Tank(DescribedFile):
-    """Fixed volume on a line; without a line it is closed. A tube may connect line and volume.
+    """Fixed volume on a line. Without a line, the volume is closed. A tube may connect line and volume.
 
     Examples
     --------
@@ -141,7 +141,7 @@ class Tank(DescribedFile):
 
     @property
     def start_temperature_k(self) -> float:
-        """Temperature of the gas at the start of a recording, K."""
+        """Temperature in K of the gas at the start of a recording."""
         said = self.volume.start_temperature_k
         return self.core_form()["volume"]["wall_temperature_k"] if said is None else said
 

@@ -54,11 +54,11 @@ class Distribution:
         return own
 
     def quantile(self, share: Array) -> Array:
-        """Return the quantiles at these probabilities, SI."""
+        """Return the quantiles at these probabilities in SI."""
         raise NotImplementedError
 
     def _read(self, read: QuantityReader) -> Self:
-        """Return the distribution in SI, unchecked."""
+        """Return the distribution in SI, without a check."""
         return replace(self, **{field.name: read.value(getattr(self, field.name)) for field in fields(self)})
 
     def _rules(self) -> dict[str, bool]:
@@ -123,8 +123,8 @@ class Normal(Distribution):
     ----------
     mean : str or float
     sd : str or float
-        Standard deviation. ``"10 %"`` refers to the mean, whose unit must then have a true zero: neither degC nor
-        gauge pressure.
+        Standard deviation. ``"10 %"`` is a fraction of the mean. The unit of the mean must then have a true zero: not
+        degC or gauge pressure.
     """
 
     mean: Any
@@ -140,7 +140,7 @@ class Normal(Distribution):
         return {"sd > 0": math.isfinite(self.mean) and 0.0 < self.sd < math.inf}
 
     def quantile(self, share: Array) -> Array:
-        """Return ``mean + sd z``, z the quantile of the standard normal distribution."""
+        """Return ``mean + sd z`` for the quantile z of the standard normal distribution."""
         return self.mean + self.sd * ndtri(share)
 
 
@@ -243,7 +243,7 @@ def read_text(text: str) -> Any:  # noqa: ANN401 - a distribution, an axis or a 
     Raises
     ------
     CommandError
-        Unknown word, or a wrong number of quantities.
+        The word is unknown, or the number of quantities is wrong.
 
     Examples
     --------
@@ -278,7 +278,7 @@ EDGE = 2.0**-53
 
 @dataclass(frozen=True, eq=False)
 class Rows:
-    """The values of all members, SI.
+    """The values of all members in SI.
 
     Attributes
     ----------
@@ -328,7 +328,7 @@ class Rows:
         return Rows((*self.names, *other.names), self.size, {**self.about, "beside": other.about}, points)
 
     def check(self, variation: Variation) -> None:
-        """Reject impossible rows; see `Variation.check`."""
+        """Reject invalid rows; see `Variation.check`."""
         for first in range(0, self.size, CHECKED_ROWS):
             variation.check(self.take(first, min(first + CHECKED_ROWS, self.size)), first)
 
@@ -338,7 +338,7 @@ def _part(values: Array, first: int, last: int) -> Array:
 
 
 def _mixed(scores: Array, by: Array) -> Array:
-    """Return ``scores by'``, computed row by row. With BLAS, the bits would depend on the number of rows."""
+    """Return ``scores by'``, computed row by row. With BLAS, rounding would depend on the number of rows."""
     return sum(scores[:, k, None] * by[:, k] for k in range(scores.shape[1]))  # pyright: ignore[reportReturnType]
 
 
@@ -383,9 +383,9 @@ MOST_SOBOL = 1 << 30
 class EnsembleDesign(Shown):
     """Values of the members of an ensemble.
 
-    Made by `table`, `grid`, `sobol`, `latin_hypercube`, `random` and `posterior`. Quantities are as in the drive file
-    (``"25 mm"``) or numbers in SI. Names are those of free values in `pneudrive.identify`, and ``initial.position``,
-    ``initial.pressure_a`` and similar names for the start state.
+    A design is made by `table`, `grid`, `sobol`, `latin_hypercube`, `random` or `posterior`. Quantities are as in the
+    drive file (``"25 mm"``) or numbers in SI. Names are those of free values in `pneudrive.identify`, and
+    ``initial.position``, ``initial.pressure_a`` and similar names for the start state.
 
     Examples
     --------
@@ -421,7 +421,7 @@ class EnsembleDesign(Shown):
 
     @classmethod
     def grid(cls, axes: Keyed) -> EnsembleDesign:
-        """All combinations of the values of each number. The last number varies fastest.
+        """Return a design with all combinations of the values of each number. The last number varies fastest.
 
         Parameters
         ----------
@@ -441,7 +441,7 @@ class EnsembleDesign(Shown):
         distributions : mapping
             Name -> `Uniform`, `Triangular`, `Normal`, `Lognormal`, or a text such as ``"normal(30 N, 10 %)"``.
         n : int
-            Members.
+            Number of members.
         seed : int
             Random seed of the scrambling.
         correlation : mapping, optional
@@ -451,27 +451,31 @@ class EnsembleDesign(Shown):
         return cls("sobol", dict(distributions), n, seed, dict(correlation or {}))
 
     @classmethod
-    def latin_hypercube(cls, distributions: Distributions, n: int, **options: Any) -> EnsembleDesign:  # noqa: ANN401
+    def latin_hypercube(
+        cls, distributions: Distributions, n: int, *, seed: int = 0, correlation: Correlations | None = None
+    ) -> EnsembleDesign:
         """Draw a Latin hypercube: for each number, each of n intervals of equal probability contains one member.
 
         Parameters
         ----------
-        distributions, n, **options
+        distributions, n, seed, correlation
             As for `sobol`, with n of at most 1e7. With correlations, only the first number keeps one member per
             interval.
         """
-        return replace(cls.sobol(distributions, n, **options), method="latin-hypercube")
+        return replace(cls.sobol(distributions, n, seed=seed, correlation=correlation), method="latin-hypercube")
 
     @classmethod
-    def random(cls, distributions: Distributions, n: int, **options: Any) -> EnsembleDesign:  # noqa: ANN401
-        """Draw members independently.
+    def random(
+        cls, distributions: Distributions, n: int, *, seed: int = 0, correlation: Correlations | None = None
+    ) -> EnsembleDesign:
+        """Draw random members, independently of each other.
 
         Parameters
         ----------
-        distributions, n, **options
+        distributions, n, seed, correlation
             As for `sobol`.
         """
-        return replace(cls.sobol(distributions, n, **options), method="random")
+        return replace(cls.sobol(distributions, n, seed=seed, correlation=correlation), method="random")
 
     @classmethod
     def posterior(
@@ -482,7 +486,7 @@ class EnsembleDesign(Shown):
         names: Sequence[str] | None = None,
         seed: int = 0,
     ) -> EnsembleDesign:
-        """Draw members from the posterior of a fit: jointly normal in the coordinates of its intervals.
+        """Draw members from the posterior of a fit. It is jointly normal in the coordinates of the fit's intervals.
 
         Values that were not free, or that the data do not determine, keep the value of the drive.
 
@@ -491,7 +495,7 @@ class EnsembleDesign(Shown):
         fit : Fit
             Any fit with a covariance, from `identify`, `fit_friction`, `fit_any_law` and others.
         n : int
-            Members.
+            Number of members.
         names : sequence of str, optional
             Names of the values that vary. Default: all values that the data determine.
         seed : int
@@ -519,7 +523,7 @@ class EnsembleDesign(Shown):
         Parameters
         ----------
         variation : Variation
-            Variation of a drive, by `names` first.
+            Variation of a drive that begins with the numbers `names`.
 
         Raises
         ------
@@ -546,7 +550,7 @@ class EnsembleDesign(Shown):
     def _size(self) -> int:
         most = {"latin-hypercube": MOST_HYPERCUBE, "sobol": MOST_SOBOL}.get(self.method, MOST_WHOLE)
         if self.members is None:
-            raise CommandError("vary has distributions, and the number of members is missing", remedy="Give n.")
+            raise CommandError("vary has distributions, but the number of members is missing", remedy="Give n.")
         whole_number("seed", self.seed, 0)
         return whole_number("n", self.members, 1, most)
 
@@ -560,11 +564,11 @@ class EnsembleDesign(Shown):
                 if name not in names:
                     raise CommandError(f"correlation: {name} does not vary", remedy=nearest(name, names))
             if not -1.0 < value < 1.0:
-                raise CommandError(f"correlation of {' and '.join(pair)} = {value}", rule="between -1 and 1")
+                raise CommandError(f"the correlation of {' and '.join(pair)} is {value}", rule="between -1 and 1")
             i, j = (names.index(name) for name in pair)
             matrix[i, j] = matrix[j, i] = value
         if np.linalg.eigvalsh(matrix)[0] <= 0.0:
-            raise CommandError("the correlations contradict each other", rule="their matrix is positive definite")
+            raise CommandError("the correlations contradict each other", rule="the matrix is positive definite")
         return matrix
 
     def _marginals(self, variation: Variation) -> tuple[Callable[[Array], Array], Plain]:
@@ -587,11 +591,12 @@ class EnsembleDesign(Shown):
     def _posterior(self, variation: Variation) -> tuple[Callable[[Array], Array], Plain]:
         """Return the values at points of the unit cube, and the description of the posterior of a fit.
 
-        As for intervals of a fit, the distribution is normal in the coordinates, so that positive values stay positive.
+        As for the intervals of the fit, the distribution is normal in these coordinates, so that positive values stay
+        positive.
         """
         assert self.fit is not None
         if variation.drive.system.names is None:
-            raise CommandError("a fit is of a drive, and a circuit varies", remedy="Give distributions.")
+            raise CommandError("a fit of a drive cannot vary a circuit", remedy="Give distributions.")
         start = variation.drive.replace(
             {
                 number.name: number.written(self.fit.values[name])
@@ -632,10 +637,10 @@ def design_of(vary: Keyed | EnsembleDesign, n: int | None = None, seed: int | No
     if isinstance(vary, EnsembleDesign):
         given = (n is not None and n != vary.members) or (seed is not None and seed != vary.seed)
         if given:
-            raise CommandError("a design has its own n and seed", remedy="Leave n and seed out.")
+            raise CommandError("the design already has n and seed", remedy="Leave out n and seed.")
         return vary
     if not isinstance(vary, Mapping) or not vary:
-        raise CommandError.of("ensemble.vary", kind=type(vary).__name__ if vary else "empty")
+        raise CommandError.of("ensemble.vary", kind=f"of type {type(vary).__name__}" if vary else "empty")
     each = {name: read_text(value) if isinstance(value, str) else value for name, value in vary.items()}
     for name, one in each.items():
         if not isinstance(one, Distribution | GridAxis) and not np.ndim(one):
@@ -650,17 +655,17 @@ def design_of(vary: Keyed | EnsembleDesign, n: int | None = None, seed: int | No
         return EnsembleDesign("sobol", each, n, seed or 0)
     if kinds == {"a grid"}:
         if n is not None:
-            raise CommandError("a grid has one member for each combination", remedy="Leave n out.")
+            raise CommandError("a grid has one member for each combination", remedy="Leave out n.")
         return EnsembleDesign("grid", each)
     if n is not None and {len(one) for one in each.values()} != {n}:
-        raise CommandError(f"n = {n} does not fit the values of vary", rule="leave out n if values are given")
+        raise CommandError(f"n = {n} is not the number of values in vary", rule="leave out n if values are given")
     return EnsembleDesign("table", each)
 
 
 def _distribution(name: str, one: Any) -> Distribution:  # noqa: ANN401
     made = read_text(one) if isinstance(one, str) else one
     if not isinstance(made, Distribution):
-        raise CommandError(f"vary: {name} has no distribution", remedy='For instance "normal(30 N, 10 %)".')
+        raise CommandError(f"vary: {name} has no distribution", remedy='Write for instance "normal(30 N, 10 %)".')
     return made
 
 
@@ -668,7 +673,7 @@ def _column(values: Any, read: Any) -> np.ndarray:  # noqa: ANN401
     if isinstance(values, np.ndarray) and values.dtype.kind in "iuf" and values.ndim == 1:
         return values.astype(float)
     if isinstance(values, str) or not isinstance(values, Sequence | np.ndarray) or np.ndim(values) != 1:
-        raise CommandError(f"vary has {type(values).__name__} in place of a list of values")
+        raise CommandError(f"vary has {type(values).__name__} instead of a list of values")
     return np.array([read(value) for value in values], dtype=float)
 
 

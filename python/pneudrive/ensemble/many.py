@@ -67,7 +67,7 @@ class EnsembleStudy:
     outputs : tuple of Reduction
     threads : int, optional
     first : int
-        Number of the first member; greater than 0 for a part of a study.
+        Index of the first member; greater than 0 for a part of a study.
     """
 
     variation: Variation
@@ -79,7 +79,7 @@ class EnsembleStudy:
     first: int = 0
 
     def about(self) -> Plain:
-        """Describe all inputs that determine the results, as plain data."""
+        """Return all inputs that determine the results, as plain data."""
         return {
             "description_hash": self.variation.drive.description_hash,
             "initial": self.variation.start_said(),
@@ -96,7 +96,7 @@ class EnsembleStudy:
         return hashlib.sha256(json.dumps(self.about(), sort_keys=True).encode()).hexdigest()
 
     def chunks(self, members: int | None) -> list[range]:
-        """Return chunks, ranges of members, with this number of members each."""
+        """Return the chunks: ranges of this number of members. The last chunk may be smaller."""
         sampled = [output for output in self.outputs if output.word in ("samples", "own")]
         samples = sum(len(output.columns) * self.sample_times(output.rate_hz).size for output in sampled)
         size = self.rows.size
@@ -111,7 +111,7 @@ class EnsembleStudy:
         return replace(self, rows=rows, plans=self.plans.part(*ends), first=chunk.start)
 
     def sample_times(self, rate_hz: float) -> Array:
-        """Return the times of samples, s."""
+        """Return the times of samples in s."""
         return np.arange(round(self.plans.duration_s * rate_hz) + 1) / rate_hz
 
     def run(self, look: Callable[[float], object] | None = None) -> pl.DataFrame:
@@ -176,7 +176,7 @@ class Members:
 
     @classmethod
     def of(cls, study: EnsembleStudy, frames: Iterable[pl.DataFrame]) -> Members:
-        """Return the members of chunks in any order."""
+        """Return the members of all chunks, which may come in any order."""
         import polars as pl
 
         frame = pl.concat(frames).sort("member")
@@ -205,7 +205,7 @@ class Members:
             write_frame(self.frame, path, {"pneudrive": json.dumps(self.provenance(), default=str)})
 
     def dataset(self) -> xr.Dataset:
-        """Label the arrays: dimension member, a unit and a long name for each variable."""
+        """Return a labelled data set: dimension member, a unit and a long name for each variable."""
         import xarray as xr
 
         upper("Pneu")  # registers `dataset.pneu`
@@ -228,7 +228,7 @@ class Members:
         return xr.Dataset(variables, coordinates, self.provenance())
 
     def provenance(self) -> Plain:
-        """Describe the source of the results."""
+        """Return the origin of the results: inputs, solver, warnings, citations and assumed values."""
         study, drive = self.study, self.study.variation.drive
         core, _ = ready(drive, study.variation.initial)
         return {
@@ -280,7 +280,7 @@ class DaskExecutor:
     Parameters
     ----------
     client : distributed.Client
-        Connected to a cluster whose workers have this version of pneudrive.
+        Client of a cluster whose workers have this version of pneudrive.
 
     Examples
     --------
@@ -343,10 +343,10 @@ class ChunkStore:
     Parameters
     ----------
     folder : Path
-        Made if it does not exist.
+        Folder of the study. A missing folder is made.
     study : EnsembleStudy
     members : int, optional
-        Members of a chunk. A folder with chunks keeps its chunk size.
+        Number of members of a chunk. A folder with chunks keeps its chunk size.
 
     Raises
     ------
@@ -380,7 +380,7 @@ class ChunkStore:
         except (OSError, ValueError) as error:
             raise CommandError(f"{path} cannot be read: {error}") from None
         if not isinstance(begun, dict) or not isinstance(begun.get("chunk_members"), int):
-            raise CommandError(f"{path} is not a folder of a study", remedy="Choose another folder.")
+            raise CommandError(f"{path} is not the file of a study", remedy="Choose another folder.")
         return begun
 
     def path(self, first: int) -> Path:
@@ -404,7 +404,7 @@ class ChunkStore:
         write_frame(frame, self.path(frame["member"][0]), about)
 
     def frames(self, columns: list[str] | None = None) -> Iterator[pl.DataFrame]:
-        """Yield the chunks in order, whole or with some columns."""
+        """Yield the chunks in order, with all columns or with the given ones."""
         import polars as pl
 
         for chunk in self.chunks:
@@ -423,7 +423,7 @@ class ChunkStore:
 
 
 def _different(before: Plain, now: Plain) -> str:
-    """Name the differences between two studies."""
+    """Return the names of the inputs that differ between two studies."""
     names = {"description_hash": "drive", "duration_s": "duration"}
     differ = [names.get(key, key) for key in now if before.get(key) != now[key]]
     return ", ".join(differ) or "study"
@@ -432,7 +432,7 @@ def _different(before: Plain, now: Plain) -> str:
 def results(
     study: EnsembleStudy, store: ChunkStore | None, members: int | None, executor: Executor | None, watch: Watch
 ) -> Iterator[pl.DataFrame]:
-    """Run the missing chunks of a study, store each, and yield it.
+    """Run the missing chunks of a study. Store and yield each chunk.
 
     Raises
     ------
@@ -486,8 +486,8 @@ def simulate_many(
 ) -> xr.Dataset:
     """Simulate many variants (members) of a drive or a circuit, and keep selected numbers of each run.
 
-    The result of a member equals, to the last bit, that of `pneudrive.simulate` for a drive with the member's numbers.
-    It depends only on the description and the row of the design, not on other members, chunks or the executor.
+    The result of a member is exactly that of `pneudrive.simulate` for a drive with the member's numbers. The result
+    depends only on the description and the row of the design, not on other members, chunks or the executor.
 
     Parameters
     ----------
@@ -503,8 +503,8 @@ def simulate_many(
         Names that `pneudrive.identify` accepts as free, or ``initial.position`` and similar names. The value is one of
 
         - a value for each member: quantities (``["20 mm", "25 mm"]``) or an array in SI, with absolute pressures;
-        - a distribution: ``"normal(30 N, 10 %)"``, ``uniform``, ``triangular``, ``lognormal``, or the objects of those
-          names in `pneudrive.ensemble`: `n` points of a scrambled Sobol sequence;
+        - a distribution, ``"normal(30 N, 10 %)"``, ``uniform``, ``triangular`` or ``lognormal``, also as an object of
+          `pneudrive.ensemble`. The members are `n` points of a scrambled Sobol sequence;
         - ``pn.grid("20 mm .. 32 mm", 7)``: all combinations.
 
         For a circuit, a name has a component and a key, such as ``left.bore`` or ``initial.left.position``. The names
@@ -517,7 +517,7 @@ def simulate_many(
         Outputs of each run. Default: the state at the end and the stroke time. An output is one of
 
         - a number: ``"final(position)"``, or ``max``, ``min``, ``mean`` or ``integral`` of a variable;
-        - a time: ``"stroke_time"``, or ``"time_when(position > 0.45 m)"``, NaN if it never holds;
+        - a time: ``"stroke_time"``, or ``"time_when(position > 0.45 m)"``, NaN if the condition is never true;
         - a settling time: ``"settling(position, 0.5 mm)"``, with the half width of the band around the final value;
         - a series: ``"samples(position, 100 Hz)"``, by default 1 kHz;
         - a function of sampled signals, see `pneudrive.ensemble.own`.
@@ -534,14 +534,14 @@ def simulate_many(
         Executor of the chunks. Default: one chunk after the other in this process.
         See `pneudrive.ensemble.DaskExecutor`.
     out : path-like, optional
-        Folder of the finished chunks, as Parquet. An interrupted study continues from there. Finished chunks do not
-        run again.
+        Folder of the finished chunks, as Parquet. An interrupted study continues from this folder. Finished chunks do
+        not run again.
     chunk : int, optional
         Number of members that run together.
     max_members_in_memory : int
         Larger studies need `out`. The returned data set then does not contain the members.
     threads : int, optional
-        Default: all processors; one for each chunk of an executor.
+        Number of threads. Default: all processors, or one for each chunk of an executor.
     progress, cancel : optional
         See `pneudrive.progress.Watch`.
 
@@ -607,7 +607,7 @@ def study_of(
     threads: int | None = None,
     refuse: bool = True,
 ) -> EnsembleStudy:
-    """Read and check a whole study before the first run.
+    """Read and check all inputs of a study before the first run.
 
     Arguments and errors are those of `simulate_many`. Without `refuse`, the caller checks the rows of the design.
     """
@@ -624,7 +624,7 @@ def study_of(
     if begun:
         beside = EnsembleDesign.table(begun).rows(variation)
         if beside.size != rows.size:
-            raise CommandError(f"initial has {beside.size} rows, and there are {rows.size} members")
+            raise CommandError(f"initial has {beside.size} start states, but there are {rows.size} members")
         rows = rows.wider(beside)
     plans.check(rows.size)
     columns = [variable.name for variable in start(drive, for_all).variables if variable.kind == "output"]
@@ -636,7 +636,7 @@ def study_of(
         raise CommandError(f'outputs: the name "{name}" is already used', remedy='Give another name: "NAME = ...".')
     if len(plans.durations) > 1 and any(one.word in ("samples", "own") for one in kept):
         rule = "samples, settling and user functions need one duration for all members"
-        raise CommandError("outputs: members of different durations are sampled", rule=rule)
+        raise CommandError("outputs: members of different durations cannot be sampled", rule=rule)
     if refuse:
         rows.check(variation)
     return EnsembleStudy(variation, rows, plans, rtol, kept, threads)

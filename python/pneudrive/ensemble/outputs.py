@@ -41,7 +41,7 @@ class MemberPlans:
     steps : dict
         Input of the core -> steps for all members, or steps for each member.
     durations : ndarray
-        s, shape (1,) or (n,).
+        Durations in s, shape (1,) or (n,).
     """
 
     steps: dict[str, EachSteps]
@@ -49,7 +49,7 @@ class MemberPlans:
 
     @property
     def duration_s(self) -> float:
-        """The longest duration, s."""
+        """The longest duration in s."""
         return float(self.durations.max())
 
     @property
@@ -74,7 +74,7 @@ class MemberPlans:
                 raise CommandError.of("ensemble.rows", what=what, length=length, size=size)
 
     def part(self, first: int, last: int) -> MemberPlans:
-        """Return the commands and durations of the members from `first` to before `last`."""
+        """Return the commands and durations of the members `first` to ``last - 1``."""
         own = {name: each if len(each) == 1 else each[first:last] for name, each in self.steps.items()}
         return MemberPlans(own, self.durations if len(self.durations) == 1 else self.durations[first:last])
 
@@ -88,7 +88,7 @@ class MemberPlans:
         list
             Tuples of input, its times in s, and its values with shape (times,) or (members, times).
         ndarray
-            Durations, s, shape (1,) or (members,).
+            Durations in s, shape (1,) or (members,).
         """
         longest = max((len(each) for each in self.steps.values()), default=1)
         groups: dict[tuple[tuple[float, ...], ...], list[int]] = {}
@@ -104,7 +104,7 @@ class MemberPlans:
             yield slice(None) if longest == 1 else np.array(own), plans, durations
 
     def about(self) -> Plain:
-        """Describe commands and durations as plain data. Long data are represented by their SHA-256."""
+        """Return commands and durations as plain data. Lists with an entry for each member become a SHA-256."""
         steps = self.steps.items()
         said = {name: [*map(list, each[0])] if len(each) == 1 else _digest(each) for name, each in steps}
         command = next(iter(said.values())) if list(said) == ["command"] else said
@@ -140,7 +140,7 @@ def member_plans(command: Any, duration: Any, commandable: Mapping[str, CommandI
     elif isinstance(command, list | tuple) and command and all(isinstance(one, Mapping) for one in command):
         each = [dict(_member(place, commands.plans, one, commandable)) for place, one in enumerate(command)]
         if any(set(one) != set(each[0]) for one in each):
-            raise CommandError("the members have commands of different components", rule="the same in each member")
+            raise CommandError("the members have commands of different components", rule="the same ones in each member")
         rows = {name: [one[name] for one in each] for name in each[0]}
     elif _is_many(command) and not commands.are_named(command):
         ((own, _),) = commands.plans(0.0, commandable)
@@ -166,7 +166,7 @@ def read_rows(given: Any, signal: CommandInput) -> EachSteps:  # noqa: ANN401
     [((0.0,), (0.5,)), ((0.0, 0.02), (1.0, -1.0))]
     """
     if callable(given):
-        raise CommandError("the command of many members is a function", remedy="Give its steps, (time, command).")
+        raise CommandError("a function cannot command many members", remedy="Give its steps, (time, command).")
     if not _is_many(given):
         return [commands.steps(given, None, signal)]
     return [_member(place, commands.steps, one, None, signal) for place, one in enumerate(given)]
@@ -193,7 +193,7 @@ def _is_pair(given: object) -> bool:
 def _member(place: int, read: Any, *given: Any) -> Any:  # noqa: ANN401
     with naming(f"member {place}", CommandError):
         if callable(given[0]):
-            raise CommandError("the command is a function", remedy="Give its steps, (time, command).")
+            raise CommandError("the command must not be a function", remedy="Give its steps, (time, command).")
         return read(*given)
 
 
@@ -201,12 +201,12 @@ def _durations(given: Any) -> Array:  # noqa: ANN401
     if isinstance(given, str) or not np.ndim(given):
         return np.array([positive(given, "s", "duration")])
     if np.ndim(given) != 1 or not len(given):
-        raise CommandError(f"duration has the shape {np.shape(given)}", rule="one for all, or one for each member")
+        raise CommandError(f"duration has the shape {np.shape(given)}", rule="one for all members, or one for each")
     return np.array([positive(one, "s", f"duration of member {place}") for place, one in enumerate(given)])
 
 
 def parted_starts(given: Any) -> tuple[Any, dict[str, list[Any]]]:  # noqa: ANN401
-    """Split a start state into the part common to all members, and a column of values of the members for each key.
+    """Split a start state into the state common to all members, and the values of the members by key.
 
     Raises
     ------
@@ -253,13 +253,13 @@ class Reduction:
     unit, long_name : str
     level : float
         For ``time_when`` and ``rate_when``: the level, in the unit of the signal. For ``settling``: half the width of
-        its band.
+        the band.
     rate_hz : float
-        For ``samples`` and ``own``.
+        For ``samples`` and ``own``: the sampling rate.
     above : bool
-        For ``time_when`` and ``rate_when``: whether the signal passes the level upwards.
+        For ``time_when`` and ``rate_when``: whether the signal must be above the level, and not below.
     function : callable, optional
-        For ``own``.
+        For ``own``: the user function.
     """
 
     word: str
@@ -274,7 +274,7 @@ class Reduction:
 
     @property
     def file_name(self) -> str:
-        """Name of the column in a file, which carries the unit."""
+        """Name of the column in a file, including the unit."""
         return units.column_name(self.name, self.unit)
 
     @property
@@ -285,7 +285,7 @@ class Reduction:
         return [replace(self, word="samples", columns=(column,), function=None) for column in self.columns]
 
     def about(self) -> Plain:
-        """Describe the output as plain data."""
+        """Return the output as plain data."""
         out: Plain = {"output": self.word, "name": self.name, "of": list(self.columns)}
         if not math.isnan(self.level):
             out |= {"level": self.level, "above": self.above}
@@ -303,9 +303,9 @@ class Output:
     Parameters
     ----------
     function : callable
-        Receives a dict of signals, each of shape (members, samples), and their times in s, shape (samples,). Returns
-        one number for each member. It receives the members of a chunk together. A value must not depend on other
-        members.
+        Function of a dict of signals, each of shape (members, samples), and of their times in s, shape (samples,). It
+        must return one number for each member. It receives the members of a chunk together. The value of a member must
+        not depend on other members.
     signals : sequence of str
         Signals that the function receives.
     name : str
@@ -458,7 +458,7 @@ def read_output(text: str, signals: SignalNames) -> Reduction:
     Raises
     ------
     CommandError
-        Unknown word, a wrong number of arguments, or a signal or a quantity is not valid.
+        The word is unknown, the number of arguments is wrong, or a signal or a quantity is not valid.
 
     Examples
     --------
@@ -474,7 +474,7 @@ def read_output(text: str, signals: SignalNames) -> Reduction:
     arguments = [one.strip() for one in called[2].split(",") if one.strip()] if called else []
     least, most, read = WORDS[word]
     if not least <= len(arguments) <= most:
-        raise CommandError(f'outputs: "{text.strip()}" has {len(arguments)} arguments', rule=f"{word} takes {most}")
+        raise CommandError(f'outputs: "{text.strip()}" has {len(arguments)} arguments', rule=f"at most {most}")
     made = read(signals, *arguments)
     return replace(made, name=name) if name else made
 
@@ -502,7 +502,7 @@ def reductions(asked: Sequence[str | Output] | None, signals: SignalNames) -> tu
     names = [one.name for one in made]
     for name in names:
         if names.count(name) > 1:
-            raise CommandError(f"outputs: two have the name {name}", remedy='Give one another name: "NAME = ...".')
+            raise CommandError(f"outputs: two outputs have the name {name}", remedy='Rename one: "NAME = ...".')
     if not made:
         raise CommandError("outputs is empty", remedy='Name an output, for instance "final(position)".')
     if len({one.rate_hz for one in made if one.word == "samples"}) > 1:
@@ -519,7 +519,7 @@ def _quantity(given: str | float, unit: str, is_pressure: bool) -> float:
                 return units.parse(given, unit)
             pressure = units.parse_pressure(given)
         if pressure.gauge:
-            raise CommandError(f'outputs: "{given}" is gauge', rule="signals are absolute", remedy="Write abs.")
+            raise CommandError(f'outputs: "{given}" is gauge', rule="an absolute pressure", remedy="Write abs.")
         return pressure.value_pa
     except ValueError:
         raise CommandError(f'outputs: "{given}" is not a number') from None

@@ -39,7 +39,7 @@ RESAMPLES, TOGETHER = 1000, 50
 LONG_NAMES = {
     "first": "fraction of the variance that the number causes alone",
     "total": "fraction of the variance that the number causes, with its interactions",
-    "used": "number of points used: those with finite values",
+    "used": "number of points with finite values",
 }
 
 
@@ -61,7 +61,7 @@ def sensitivity(
     """Estimate how much the outputs of a drive depend on each of its parameters.
 
     A Sobol index is the fraction of an output's variance due to one parameter alone (first order), or including its
-    interactions (total) [saltelli2010,jansen1999]. Estimation takes n (d + 2) members for d parameters.
+    interactions (total) [saltelli2010,jansen1999]. The estimate needs n (d + 2) members for d parameters.
 
     Parameters
     ----------
@@ -106,11 +106,11 @@ def sensitivity(
     study = study_of(drive, command, duration, vary=design, outputs=outputs, initial=initial, rtol=rtol)
     rows = study.rows
     if rows.quantiles is None or design.correlation or design.fit is not None:
-        rule = "a distribution of each number, all independent"
-        raise CommandError("vary does not fit sensitivity", rule=rule, remedy='For instance "normal(30 N, 10 %)".')
+        rule = "one distribution for each number, without correlations"
+        raise CommandError("vary is not valid for a sensitivity", rule=rule, remedy='Write "normal(30 N, 10 %)".')
     sampled = [output.name for output in study.outputs if output.word == "samples"]
     if sampled:
-        raise CommandError(f"outputs: {sampled[0]} is sampled", rule="sensitivities are of numbers")
+        raise CommandError(f"outputs: {sampled[0]} is sampled", rule="each output is one number")
     about = {**study.about(), "vary": {key: rows.about[key] for key in ("distributions", "correlation")}}
     about |= {"n": n, "seed": seed, "confidence": CONFIDENCE}
     cube = sobol_points(n, len(rows.names), seed)
@@ -180,7 +180,7 @@ def sobol_indices(
     values : ndarray, shape (n (d + 2), s)
         Values of s outputs at these points.
     resamples : int
-        Number of bootstrap samples: intervals are percentiles over base points.
+        Number of bootstrap samples of the base points. The intervals are percentiles.
     seed : int
         Random seed of the bootstrap.
 
@@ -188,7 +188,8 @@ def sobol_indices(
     -------
     dict
         ``first`` and ``total``, shape (d, s), with ``first_interval`` and ``total_interval``, shape (2, d, s).
-        ``used``: number of base points of each output. NaN if an output does not vary or has fewer than 2 base points.
+        ``used``: number of base points of each output. Indices are NaN if an output does not vary or has fewer than 2
+        base points.
     """
     d, s = points.shape[1], values.shape[1]
     each = np.asarray(values, dtype=float).reshape(d + 2, -1, s)
@@ -217,8 +218,8 @@ def sobol_indices(
 def _indices(f: Array) -> Array:
     """Return first and total order of one output, shape (2, d, ...).
 
-    First order by Saltelli's estimator of 2010, total by Jansen's: ``S_i = mean(f_B (f_ABi - f_A)) / V`` and ``T_i =
-    mean((f_A - f_ABi)^2) / (2 V)``. V is the variance of f over A and B, and f is taken minus its mean
+    The first order is Saltelli's estimator of 2010, ``S_i = mean(f_B (f_ABi - f_A)) / V``. The total is Jansen's, ``T_i
+    = mean((f_A - f_ABi)^2) / (2 V)``. V is the variance of f over A and B. The mean of f is subtracted
     [saltelli2010,jansen1999]. `scipy.stats.sobol_indices` has the same estimators, for a power of 2 of points only.
 
     Parameters

@@ -71,14 +71,14 @@ class CoreMembers(NamedTuple):
     starts: Starts
 
     def at(self, places: NDArray[np.intp]) -> CoreMembers:
-        """Return some of the members."""
+        """Return the members at these indices."""
         starts = dict(self.starts)
         starts |= {name: one[places] for name, one in starts.items() if isinstance(one, np.ndarray)}
         return CoreMembers(self.paths, self.values[places], starts)
 
 
 class Variation:
-    """The numbers of a drive or a circuit, and of its start state, that a design sets.
+    """Numbers of a drive or a circuit and of its start state that a design sets.
 
     Parameters
     ----------
@@ -122,11 +122,11 @@ class Variation:
         return [number.name for number in self.numbers]
 
     def columns(self, rows: Array) -> Columns:
-        """Return the values of each number in the given rows, SI, by name."""
+        """Return the values of each number in the given rows in SI, by name."""
         return by_name(self.names, list(rows.T))
 
     def start_said(self) -> dict[str, str]:
-        """Return the start state of all members in words, also that of a circuit file.
+        """Return the start state of all members as texts, including that of a circuit file.
 
         Studies with the same text have the same start.
         """
@@ -201,13 +201,13 @@ class Variation:
         Parameters
         ----------
         rows : ndarray, shape (n, names)
-            SI.
+            Values of the numbers in SI.
         """
         own = [place for place, name in enumerate(self.names) if not name.startswith(free.INITIAL)]
         return CoreMembers(self.family.paths, self.family.many(rows[:, own]), self._starts(rows))
 
     def _starts(self, rows: Array) -> Starts:
-        """Return the start values by column, or by member if other start values depend on varied numbers."""
+        """Return the start values. They are read member by member if other start values depend on varied numbers."""
         columns = self.columns(rows)
         state: Starts = dict(self.drive.core_initial(self.initial))
         if self.is_circuit:
@@ -262,7 +262,7 @@ class QuantityReader:
         self.number, self._gauge_from = number, gauge_from
 
     def value(self, given: object) -> float:
-        """Return a value in SI, with an absolute pressure.
+        """Read a value and return it in SI. A gauge pressure becomes an absolute pressure.
 
         Raises
         ------
@@ -278,7 +278,7 @@ class QuantityReader:
                 pressure = units.parse_pressure(given)
                 if pressure.gauge and self._gauge_from is None:
                     what = f'"{pressure}" is relative to the ambient pressure, which varies'
-                    raise CommandError(what, remedy="Write it as abs.")
+                    raise CommandError(what, remedy="Write an absolute pressure, with abs.")
                 return pressure.absolute_pa(self._gauge_from or 0.0)
             if self.number.unit in ("1", ""):
                 return float(given)
@@ -325,7 +325,7 @@ def check_lengths(columns: Columns) -> None:
     lengths = {name: len(column) for name, column in columns.items()}
     if len(set(lengths.values())) > 1:
         said = ", ".join(f"{name}: {length}" for name, length in lengths.items())
-        raise CommandError(f"the columns of vary are of unequal lengths ({said})", rule="one value for each member")
+        raise CommandError(f"the columns of vary have unequal lengths ({said})", rule="one value for each member")
     if not all(lengths.values()):
         raise CommandError("vary has no member", rule="at least one value of each number")
 

@@ -16,7 +16,7 @@ MOST_VALUES = 400
 
 
 def stderr_of_mean(values: Array) -> float:
-    """Estimate the standard error of the mean of a series, shape (n,), in the order of time or position.
+    """Estimate the standard error of the mean of a series (n,) in the order of time or position.
 
     The autocorrelation is summed until it first falls below zero. The sum also corrects the bias of the variance that
     results from subtracting the mean of the series.
@@ -24,14 +24,14 @@ def stderr_of_mean(values: Array) -> float:
     Returns
     -------
     float
-        Standard error; 0 for fewer than four values, or equal values.
+        Standard error; 0 if there are fewer than four values or all are equal.
     """
     series = np.asarray(values, dtype=float)
     return float(stderrs_of_means(series[np.isfinite(series)][None, :])[0])
 
 
 def stderrs_of_means(rows: Array) -> Array:
-    """Estimate `stderr_of_mean` for many series of one length, shape (m, n), all finite."""
+    """Estimate the standard errors of the means of m series of equal length, which are the finite `rows` (m, n)."""
     if rows.shape[1] > MOST_VALUES:  # means of neighbours keep the slow part, which dominates
         each = rows.shape[1] // MOST_VALUES
         count = rows.shape[1] // each
@@ -63,7 +63,7 @@ SAME_SPEED = 0.05
 
 
 def distinct_levels(values: Array) -> list[Interval]:
-    """Return the lowest and highest value of each level: values within `SAME_SPEED` of its largest one."""
+    """Return the lowest and highest magnitude of each level. They differ by at most the fraction `SAME_SPEED`."""
     levels: list[Interval] = []
     for value in np.sort(np.abs(values)).tolist():
         if not levels or value - levels[-1][0] > SAME_SPEED * value:
@@ -93,7 +93,7 @@ def levels(values: Array, reach: float) -> Ints:
 
 
 def means(group: Ints, *columns: Array) -> list[Array]:
-    """Return the mean of each column over each group; every group has members.
+    """Return the mean of each column for each group. No group may be empty.
 
     Examples
     --------
@@ -105,7 +105,7 @@ def means(group: Ints, *columns: Array) -> list[Array]:
 
 
 def projection(values: Array, columns: Array) -> Array:
-    """Return the least-squares fit of columns (n, p) to values (n,), shape (n,).
+    """Return the least-squares fit (n,) of `columns` (n, p) to `values` (n,).
 
     Examples
     --------
@@ -116,7 +116,7 @@ def projection(values: Array, columns: Array) -> Array:
 
 
 def cells(*columns: Ints) -> Ints:
-    """Return the index of each row's combination of values, from columns of shape (n,).
+    """Return a number for each of n rows. Rows with the same combination of values have the same number.
 
     Examples
     --------
@@ -157,13 +157,13 @@ def matern(s: Array, t: Array, reach: float) -> Array:
 
 
 def gaussian(s: Array, t: Array, reach: float) -> Array:
-    """Return the squared-exponential covariance, of a very smooth function with correlation length `reach`."""
+    """Return the covariance of a very smooth function with correlation length `reach` (squared exponential)."""
     away = (s[:, None] - t[None, :]) / reach
     return np.exp(-0.5 * away * away)
 
 
 def centred_walk(order: Array) -> Array:
-    """Return the covariance of a random walk, in the order of the observations, minus its mean, shape (n, n)."""
+    """Return the covariance (n, n) of a random walk minus its mean. `order` is the step of each observation."""
     walk = np.minimum(order[:, None], order[None, :])
     walk = walk - walk.mean(axis=0, keepdims=True)
     return walk - walk.mean(axis=1, keepdims=True)
@@ -178,7 +178,7 @@ TAKES_PART = 0.3
 
 
 def covariance_of(jacobian: Array, variance: float = 1.0) -> Array:
-    """Return the covariance of least-squares coordinates, shape (p, p). Undetermined directions are left out.
+    """Return the covariance (p, p) of least-squares coordinates. Undetermined directions are left out.
 
     Parameters
     ----------
@@ -200,13 +200,13 @@ def covariance_of(jacobian: Array, variance: float = 1.0) -> Array:
 
 
 def shift_of(jacobian: Array, residual: Array) -> Array:
-    """Return the least-squares step of the coordinates for residuals, shape (p,), without undetermined directions."""
+    """Return the least-squares step (p,) of the coordinates for residuals, without undetermined directions."""
     size = _sizes(jacobian)
     return np.linalg.pinv(jacobian / size, rcond=SINGULAR_SHARE) @ residual / size
 
 
 def weak_coordinates(jacobian: Array) -> Bools:
-    """Return a mask of coordinates that have no effect or take part in an undetermined direction.
+    """Return the mask of the coordinates that have no effect or are part of an undetermined direction.
 
     Examples
     --------
@@ -228,7 +228,7 @@ def _sizes(jacobian: Array) -> Array:
 
 @dataclass(frozen=True)
 class Loss:
-    """Huber's loss of residuals u (n,) in standard deviations: a square up to |u| = `tuning`, and a line beyond."""
+    """Huber's loss of residuals u, in standard deviations. It is quadratic up to |u| = `tuning`, and linear beyond."""
 
     tuning: float
 
@@ -238,15 +238,15 @@ class Loss:
         return "huber" if np.isfinite(self.tuning) else "linear"
 
     def psi(self, u: Array) -> Array:
-        """Return the first derivative of the loss."""
+        """Return the first derivative of the loss with respect to u."""
         return np.clip(u, -self.tuning, self.tuning)
 
     def slope(self, u: Array) -> Array:
-        """Return the second derivative of the loss."""
+        """Return the second derivative of the loss with respect to u."""
         return (np.abs(u) <= self.tuning).astype(float)
 
     def rho(self, u: Array) -> Array:
-        """Return the loss."""
+        """Return the loss of each residual."""
         inner = np.abs(self.psi(u))
         return inner * (np.abs(u) - 0.5 * inner)
 
@@ -285,7 +285,7 @@ def moderate(variance: Array, dof: Array, speed: Array) -> Array:
     Parameters
     ----------
     variance, dof : ndarray, shape (n,)
-        Variances (> 0) and their degrees of freedom (inf: exact, unchanged).
+        Variances (> 0) and their degrees of freedom. A variance with infinite degrees of freedom is exact and kept.
     speed : ndarray, shape (n,)
         Speeds (> 0); the trend is a constant, a line or a parabola in log speed, chosen by AICc.
 

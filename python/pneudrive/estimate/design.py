@@ -1,14 +1,14 @@
 """Optimal designs over a list of candidate points.
 
-A candidate is described by the gradient g of its expected value with respect to the parameters, divided by its standard
-deviation. One measurement adds g g' to the information matrix M. The gradients of a nonlinear law depend on its
-parameters. Each sample d of a prior therefore has its own gradients, and criteria are means over the samples:
+A candidate is described by the gradient g of its expected value with respect to the parameters. g is divided by the
+standard deviation of the value. One measurement adds g g' to the information matrix M. The gradients of a nonlinear law
+depend on its parameters. Each sample d of a prior therefore has its own gradients. Criteria are means over the samples:
 
     D   mean of ln det M_d                the volume of the confidence region
     I   mean of trace(M_d^-1 W_d)         the variance of the prediction, averaged over a range
 
 For p parameters, weights of the candidates are D-optimal if and only if mean g' M^-1 g <= p at every candidate.
-Candidates with a weight above zero have equality [fedorov1972].
+At a candidate with a weight above zero, both sides are equal [fedorov1972].
 """
 
 from __future__ import annotations
@@ -36,11 +36,11 @@ class DesignSpace:
     Attributes
     ----------
     gradients : ndarray, shape (d, c, p)
-        Gradients of each draw and candidate, divided by the standard deviation of the measured value.
+        Gradients of c candidates for d samples of the prior, divided by the standard deviation of the measured value.
     known : ndarray, shape (d, p, p)
         Information from earlier measurements.
     region : ndarray, shape (d, p, p) or None
-        Mean of g g' over the range of prediction, in units of the value squared; needed for I.
+        Mean of g g' over the range of prediction, in units of the value squared; needed for criterion I.
     """
 
     gradients: Array
@@ -48,7 +48,7 @@ class DesignSpace:
     region: Array | None = None
 
     def scaled(self) -> DesignSpace:
-        """Return the candidates with columns of norm one, and a diagonal term that makes every matrix regular."""
+        """Scale the gradients of each parameter to an rms value of 1, and add a diagonal term against singularity."""
         size = np.sqrt(np.mean(self.gradients**2, axis=(0, 1)))
         s = np.where(size > 0.0, size, 1.0)
         known = self.known / np.outer(s, s) + RIDGE * self.gradients.shape[1] * np.eye(s.size)
@@ -57,13 +57,13 @@ class DesignSpace:
 
 
 def information(candidates: DesignSpace, counts: Array) -> Array:
-    """Return the information of each prior sample for `counts` (c,) measurements, shape (d, p, p)."""
+    """Return the information matrices (d, p, p) of the prior samples if candidate i is measured `counts[i]` times."""
     g = candidates.gradients
     return candidates.known + np.einsum("c,dci,dcj->dij", counts, g, g)
 
 
 def exchange(candidates: DesignSpace, count: int, criterion: str = "D") -> Ints:
-    """Choose `count` measurements, possibly repeated: first greedily, then by exchanges that improve the criterion.
+    """Choose `count` candidates greedily, then exchange some to improve the criterion. Candidates may be repeated.
 
     Returns
     -------
@@ -90,9 +90,9 @@ def exchange(candidates: DesignSpace, count: int, criterion: str = "D") -> Ints:
 
 
 def within_budget(candidates: DesignSpace, cost: Array, budget: float, criterion: str) -> tuple[Ints, int]:
-    """Choose measurements in the order of their gain over their cost (c,), within the budget.
+    """Choose the candidates with the largest ratio of gain to cost until the budget is spent. `cost` has shape (c,).
 
-    Each point is chosen at most once. All points have the same number of repeats, which is optimised, too.
+    Each candidate is chosen at most once. All have the same number of repeats, which is also optimised.
 
     Returns
     -------
@@ -133,7 +133,7 @@ def _outer(candidates: DesignSpace, index: int) -> Array:
 
 
 def _gain(candidates: DesignSpace, matrix: Array, criterion: str) -> Array:
-    """Return the gain of the criterion from one more measurement of each candidate, shape (c,)."""
+    """Return the gain (c,) of the criterion from one more measurement of each candidate."""
     g = candidates.gradients
     solved = np.linalg.solve(matrix, np.swapaxes(g, 1, 2))  # (d, p, c)
     leverage = np.einsum("dci,dic->dc", g, solved)

@@ -1,4 +1,4 @@
-"""Estimates with their intervals."""
+"""Estimates with 95 % intervals, transforms of bounded values, and intervals by profile likelihood."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ SURE = 3.0  # standard errors of one value
 
 
 def student(dof: float, confidence: float = CONFIDENCE) -> float:
-    """Return the two-sided quantile of Student's t, by default 95 %.
+    """Return the two-sided quantile of Student's t for this confidence.
 
-    Without degrees of freedom, return the quantile of the normal distribution.
+    For `dof` = 0, return the quantile of the normal distribution.
 
     Examples
     --------
@@ -66,7 +66,7 @@ class Estimate:
 
     @classmethod
     def of(cls, value: float, stderr: float, degrees_of_freedom: float, unit: str = "N") -> Estimate:
-        """Return an estimate with the interval of Student's t and the p-value of zero.
+        """Return an estimate with the interval of Student's t and the p-value (hypothesis: zero).
 
         Examples
         --------
@@ -89,12 +89,12 @@ class Estimate:
         return self.low > 0.0 or self.high < 0.0
 
     def scaled(self, factor: float, unit: str | None = None) -> Estimate:
-        """Return the estimate multiplied by a positive number."""
+        """Return the estimate times a positive factor, in a new unit if one is given."""
         ends = {name: getattr(self, name) * factor for name in ("value", "low", "high", "stderr")}
         return replace(self, **ends, unit=self.unit if unit is None else unit)
 
     def widened(self, u: float) -> Estimate:
-        """Return the estimate with a systematic standard uncertainty added."""
+        """Return the estimate with the systematic standard uncertainty `u` added as root sum of squares."""
         if u == 0.0:
             return self
         low, high = whole_interval(self.value, (self.low, self.high), u)
@@ -109,7 +109,7 @@ class Estimate:
         return Estimate.of(self.value - other.value, float(np.sqrt(variance)), freedom, self.unit)
 
     def __format__(self, spec: str) -> str:
-        """Format value, unit and interval, each number by the same specification.
+        """Format value, unit and interval. `spec` applies to each number.
 
         Examples
         --------
@@ -121,7 +121,7 @@ class Estimate:
 
 
 def whole_interval(value: float, interval: Interval, systematic: float) -> Interval:
-    """Return a statistical interval widened by an independent standard uncertainty."""
+    """Return the statistical interval of `value`, widened by an independent systematic standard uncertainty."""
     if systematic == 0.0:
         return interval
     reach = NORMAL_95 * systematic
@@ -139,7 +139,7 @@ def _chance(value: float, stderr: float, freedom: float) -> float:
 
 
 def mean_estimate(values: Array, unit: str = "N") -> Estimate:
-    """Estimate the mean of repeats, with Student's t.
+    """Estimate the mean of repeats, with the interval of Student's t.
 
     Parameters
     ----------
@@ -184,7 +184,7 @@ class FTest:
 
 
 def changed(values: Array, stderr: float = 0.0) -> bool:
-    """Return whether a quantity was varied: by a relevant fraction of its mean, and by more than its scatter.
+    """Return whether a quantity varies by a relevant fraction of its mean, and by more than its scatter.
 
     If one of two quantities was not varied, their correlation is noise.
 
@@ -205,7 +205,7 @@ def changed(values: Array, stderr: float = 0.0) -> bool:
 
 
 def robust_deviation(residual: Array) -> float:
-    """Return the standard deviation of normal residuals from their median absolute value, robust to outliers."""
+    """Estimate the standard deviation of normal residuals by their median magnitude, which is robust to outliers."""
     return float(np.median(np.abs(residual))) / 0.6745
 
 
@@ -239,7 +239,7 @@ class Transforms:
     over : int or float
         The other value, as an index or a constant.
     least_excess : float
-        Smallest excess, relative to the other value. A smaller excess is increased to it.
+        Smallest excess as a fraction of the other value. A smaller excess is increased to this one.
 
     Examples
     --------
@@ -276,7 +276,7 @@ class Transforms:
         return values[..., self.over] if isinstance(self.over, int) else self.over
 
     def internal(self, values: ArrayLike) -> Array:
-        """Return the coordinates of values, shape (p,)."""
+        """Return the coordinates (p,) of `values` (p,)."""
         x = np.array(values, dtype=float)
         if self.excess is not None:
             base = self._base(x)
@@ -290,7 +290,7 @@ class Transforms:
         return q
 
     def natural(self, q: Array) -> Array:
-        """Return the values at coordinates, shape (p,), or at many points, shape (n, p)."""
+        """Return the values at the coordinates of one point, shape (p,), or of many points, shape (n, p)."""
         x = self.size * q
         x[..., self._log] = self.lower[self._log] + _exp(q[..., self._log])
         if self._odds.any():
@@ -301,7 +301,7 @@ class Transforms:
         return x
 
     def jacobian(self, q: Array) -> Array:
-        """Return the derivatives of the values with respect to the coordinates, shape (p, p)."""
+        """Return the derivatives (p, p) of the values with respect to the coordinates."""
         slope = self.size.copy()
         slope[self._log] = _exp(q[self._log])
         if self._odds.any():
@@ -314,13 +314,13 @@ class Transforms:
 
 
 def _exp(q: Array) -> Array:
-    """Return exp(q); infinite beyond the largest number, without a warning."""
+    """Return exp(q). An overflow gives infinity without a warning."""
     with np.errstate(over="ignore"):
         return np.exp(q)
 
 
 def intervals(values: Array, reach: Array, lower: ArrayLike, upper: ArrayLike = np.inf) -> ArrayPair:
-    """Return first-order intervals on the scales of the coordinates, shape (p,) for each end.
+    """Return the lower and upper ends (p,) of first-order intervals on the scales of the coordinates.
 
     Parameters
     ----------
@@ -373,11 +373,11 @@ def profile_interval(
     allowed: float,
     farthest: float = FARTHEST,
 ) -> Interval:
-    """Return the interval of one coordinate in which the cost grows by no more than `allowed`.
+    """Return the interval of one coordinate in which the cost increases by at most `allowed`.
 
     For a linear model, the square root of the cost increase is linear in the coordinate, so a secant method finds each
-    bound. Steps stay within a bracket: the farthest point below the limit and the nearest point beyond the limit. The
-    bracket makes the method robust against scatter of incompletely minimised costs. A side is open only if no point is
+    bound. Steps stay in the bracket between the farthest point below the limit and the nearest point beyond the limit.
+    The method is therefore robust to the scatter of incompletely minimised costs. A side is open only if no point is
     beyond the limit.
 
     Parameters
@@ -386,7 +386,7 @@ def profile_interval(
         ``held(value, start)`` fixes the coordinate at a value, fits all others from a start, and returns the cost and
         the final point. A step starts from the last point below the limit. The cost may be infinite.
     point : object
-        Point of the estimate, the start of the first step to either side.
+        Point of the estimate, from which the first step to either side starts.
     estimate : float
         Coordinate at the estimate.
     step : float
@@ -399,11 +399,11 @@ def profile_interval(
     Returns
     -------
     float, float
-        Ends of the interval; infinite if the cost does not grow by `allowed`.
+        Ends of the interval; infinite if the cost does not increase by `allowed`.
 
     Examples
     --------
-    The cost of the model 3 x, 6 x, 9 x of the values 3, 6 and 9 grows by (3^2 + 6^2 + 9^2) (x - 1)^2 about x = 1.
+    The model 3 x, 6 x, 9 x fits the values 3, 6, 9 at x = 1. The cost increases by (3^2 + 6^2 + 9^2) (x - 1)^2.
 
     >>> low, high = profile_interval(lambda x, _: (126.0 * (x - 1.0) ** 2, None), None, 1.0, 0.1, 0.0, 126.0)
     >>> round(low, 6), round(high, 6)
@@ -442,7 +442,7 @@ def profile_interval(
 
 
 def one_thread() -> threadpool_limits:
-    """Let linear algebra use one thread inside a block.
+    """Return a context in which linear algebra uses one thread.
 
     The matrices are small. On a busy machine, waiting threads cost more time than they save: 47 s instead of 3 s on two
     busy processors.

@@ -37,7 +37,7 @@ NEGLIGIBLE = 1e-10
 
 
 class Scan:
-    """Linear fits for each point of a grid of g nonlinear (shape) parameter sets.
+    """A linear fit for each of g sets of nonlinear (shape) parameters.
 
     Parameters
     ----------
@@ -54,11 +54,11 @@ class Scan:
         Sum of squared whitened residuals.
     coefficient : ndarray, shape (g, p)
     covariance : ndarray, shape (g, p, p)
-        Covariance of the coefficients, for unit variance.
+        Covariance of the coefficients for residuals of unit variance.
 
     Examples
     --------
-    A decay over a length of 2, among three lengths:
+    Three lengths are tried for a decay whose length is 2:
 
     >>> x, lengths = np.arange(6.0), np.array([[1.0], [2.0], [4.0]])
     >>> found = Scan(lengths, np.exp(-x / lengths)[:, :, None], 3.0 * np.exp(-x / 2.0))
@@ -80,11 +80,11 @@ class Scan:
 
     @property
     def best(self) -> int:
-        """Index of the best shape."""
+        """Index of the shape with the smallest cost."""
         return int(np.argmin(self.cost))
 
     def scale(self, freedom: float, least: float = 0.0) -> float:
-        """Return the variance of the whitened residuals, at least `least`."""
+        """Return the variance of the whitened residuals at the best shape, but not less than `least`."""
         return max(float(self.cost[self.best]) / freedom, least)
 
     def rise(self, freedom: float, least: float = 0.0) -> float:
@@ -96,7 +96,7 @@ class Scan:
         return np.flatnonzero(self.cost <= self.cost[self.best] + rise)
 
     def interval(self, rows: Array, rise: float) -> Interval:
-        """Return the interval of a linear function of the coefficients over shapes with a cost increase up to `rise`.
+        """Return the interval of a linear function of the coefficients in which the cost increases by at most `rise`.
 
         Parameters
         ----------
@@ -112,7 +112,7 @@ class Scan:
         return float((value - reach).min()), float((value + reach).max())
 
     def shape_interval(self, k: int, rise: float, sought: Interval) -> Interval:
-        """Return the interval of a shape parameter. A bound at the end of the grid is replaced by 0 or inf."""
+        """Return the interval of shape parameter `k`. A bound at an end of the range `sought` becomes 0 or inf."""
         allowed = self.shape[self.inside(rise), k]
         low, high = float(allowed.min()), float(allowed.max())
         return (
@@ -160,7 +160,7 @@ MOST_FOR_SEARCH = 500
 
 @dataclass(frozen=True, eq=False)
 class RandomEffect:
-    """Random effect of a mixed model.
+    """Random effect of a mixed model: its covariance, and the prior of its standard deviation.
 
     Attributes
     ----------
@@ -187,7 +187,7 @@ class MixedModel:
     ----------
     y : ndarray, shape (n,)
     x : ndarray, shape (n, p)
-        Fixed effects, of full column rank.
+        Design matrix of the fixed effects, with full column rank.
     noise : ndarray, shape (n,)
         Known variance of each observation.
     components : tuple of RandomEffect
@@ -200,7 +200,7 @@ class MixedModel:
 
     @property
     def scales(self) -> Array:
-        """Scale of the prior of each standard deviation, shape (k,)."""
+        """Scales (k,) of the priors of the standard deviations."""
         return np.array([c.scale for c in self.components])
 
     def fit(self) -> MixedFit:
@@ -213,9 +213,9 @@ class MixedModel:
         return MixedFit(self, np.exp(best), weights, tuple(_State(self, np.exp(p)) for p in points))
 
     def most_probable(self, start: Array | None) -> tuple[Array, float]:
-        """Return the most probable standard deviations, searched from `start`, and the cost of the data.
+        """Return the most probable standard deviations and their cost. The search begins at `start`.
 
-        The cost is the negative log likelihood without its constant term.
+        The cost is the negative log posterior without its constant term.
         """
         few = self._few()
         best = _search(few, start)
@@ -241,9 +241,9 @@ class MixedModel:
         return np.where(known, state.solved, 0.0) / diagonal, np.where(known, 1.0 / np.sqrt(diagonal), np.inf)
 
     def _few(self) -> MixedModel:
-        """Return the model with every k-th observation if there are very many observations.
+        """Return the model with every k-th observation if there are more than `MOST_FOR_SEARCH`.
 
-        Columns of x that these observations do not determine are left out.
+        Columns of x that the remaining observations do not determine are left out.
         """
         n = self.y.size
         if n <= MOST_FOR_SEARCH:
@@ -255,7 +255,7 @@ class MixedModel:
         return MixedModel(self.y[rows], x[:, independent(x)], self.noise[rows], tuple(parts))
 
     def covariance(self, sd: Array) -> Array:
-        """Return the covariance of the observations at these standard deviations, shape (n, n)."""
+        """Return the covariance (n, n) of the observations at these standard deviations."""
         n = self.y.size
         diagonal = self.noise.copy()
         total = np.zeros((n, n))
@@ -299,11 +299,11 @@ class _State:
         self.solved = self.solve(self.residual)
 
     def solve(self, right: Array) -> Array:
-        """Return V^-1 times `right`, shape (n,) or (n, m)."""
+        """Return V^-1 times `right`, which has shape (n,) or (n, m)."""
         return cho_solve((self.lower, True), right, check_finite=False)
 
     def deviance(self) -> float:
-        """Twice the negative logarithm of the restricted likelihood."""
+        """Return the restricted log-likelihood times -2."""
         of_v = float(np.sum(np.log(np.diag(self.lower))))
         of_x = float(np.sum(np.log(np.abs(np.diag(self._r)))))
         return 2.0 * of_v + 2.0 * of_x + float(self.residual @ self.solved)
@@ -311,7 +311,7 @@ class _State:
 
 @dataclass(frozen=True, eq=False)
 class Predicted:
-    """Means and variances of linear functions of the model, shape (m,), and degrees of freedom of Student's t."""
+    """Means, variances and degrees of freedom (of Student's t) of m linear functions of the model."""
 
     mean: Array
     variance: Array
@@ -324,7 +324,7 @@ class Predicted:
         return stdtrit(self.freedom, 0.975) * np.sqrt(self.variance)
 
     def estimates(self, unit: str = "N") -> list[Estimate]:
-        """Return each function as an estimate with its interval and its p-value (hypothesis: zero)."""
+        """Return an estimate of each function, with interval and p-value (hypothesis: zero)."""
         columns = (self.mean, np.sqrt(self.variance), self.freedom)
         rows = zip(*(column.tolist() for column in columns), strict=True)
         return [Estimate.of(value, stderr, freedom, unit) for value, stderr, freedom in rows]
@@ -332,7 +332,7 @@ class Predicted:
 
 @dataclass(frozen=True, eq=False)
 class MixedFit:
-    """Fitted mixed model.
+    """Fitted mixed model, solved at q points that represent the uncertainty of the standard deviations.
 
     Attributes
     ----------
@@ -340,6 +340,7 @@ class MixedFit:
     sd : ndarray, shape (k,)
         Most probable standard deviation of each component.
     weights : ndarray, shape (q,)
+        Probability of each point.
     states : tuple of _State, length q
     """
 
@@ -349,16 +350,16 @@ class MixedFit:
     states: tuple[_State, ...]
 
     def predict(self, x: Array, kernels: Columns | None = None, prior: Columns | None = None) -> Predicted:
-        """Predict X* b + sum_i g_i*.
+        """Predict m values X* b + sum_i g_i*.
 
         Parameters
         ----------
         x : ndarray, shape (m, p)
         kernels : dict
-            Name -> covariance of g_i* with the observations' g_i at standard deviation 1, shape (m, n). Missing
-            components and unknown names do not contribute to the prediction.
+            Name -> covariance (m, n) of g_i* with the observations' g_i at standard deviation 1. Missing components and
+            unknown names do not contribute to the prediction.
         prior : dict
-            Name -> variance of g_i* at standard deviation 1, shape (m,).
+            Name -> variance (m,) of g_i* at standard deviation 1.
         """
         names = [c.name for c in self.model.components]
         kernels, prior = kernels or {}, prior or {}
@@ -379,7 +380,7 @@ class MixedFit:
         return _mixed(np.array(means), np.array(variances), self.weights)
 
     def averaged(self, *others: MixedFit, odds: Sequence[float] = ()) -> tuple[MixedFit, Array]:
-        """Average this fit with fits of the same data with other kernels or noise, weighted by their probability.
+        """Average this fit and others of the same data (with other kernels or noise), weighted by probability.
 
         Parameters
         ----------
@@ -392,7 +393,7 @@ class MixedFit:
         MixedFit
             Averaged fit, with the most probable standard deviations of the fit with the highest probability.
         ndarray
-            Weight of each of the others.
+            Weight of each other fit.
         """
         every = (self, *others)
         log = np.array([fit.log_likelihood() for fit in every])
@@ -404,13 +405,13 @@ class MixedFit:
         return replace(every[int(np.argmax(log))], weights=weights, states=states), share[1:]
 
     def contrast(self, row: Array, unit: str = "N") -> Estimate:
-        """Estimate a linear function of b with its interval and its p-value (hypothesis: zero)."""
+        """Estimate a linear function of b, with interval and p-value (hypothesis: zero)."""
         return self.predict(np.atleast_2d(row)).estimates(unit)[0]
 
     def f_test(self, rows: Array, extra: float = 0.0) -> FTest:
-        """Test that several linear functions of b, shape (q, p), are all zero (Wald's test, approximate F).
+        """Test whether all q linear functions `rows` (q, p) of b are zero (Wald's test, approximate F).
 
-        `extra` is an additional variance of the first function, beyond the random effects.
+        `extra` is a variance of the first function in addition to the random effects.
         """
         from scipy.special import fdtrc
 
@@ -440,7 +441,7 @@ class MixedFit:
         return Estimate(value, float(np.exp(mean - reach)), float(np.exp(mean + reach)), value * spread, "N")
 
     def log_likelihood(self) -> float:
-        """Restricted log-likelihood at the most probable standard deviations."""
+        """Return the restricted log-likelihood at the most probable standard deviations."""
         return -0.5 * _State(self.model, self.sd).deviance()
 
 
@@ -453,9 +454,9 @@ class Functionals:
     fit : MixedFit
     fixed : ndarray, shape (m, p)
     cross : dict
-        Random effect -> covariance between the functions and the observations, shape (m, n).
+        Random effect -> covariance (m, n) between the functions and the observations.
     own : dict
-        Random effect -> covariance of the functions, shape (m, m).
+        Random effect -> covariance (m, m) of the functions.
     """
 
     fit: MixedFit
@@ -464,7 +465,7 @@ class Functionals:
     own: dict[str, Array]
 
     def combine(self, rows: Array) -> Functionals:
-        """Return linear combinations of the functions, rows of shape (r, m)."""
+        """Return r linear combinations of the functions, with the factors `rows` (r, m)."""
         cross = {name: rows @ part for name, part in self.cross.items()}
         own = {name: rows @ part @ rows.T for name, part in self.own.items()}
         return Functionals(self.fit, rows @ self.fixed, cross, own)
@@ -474,17 +475,17 @@ class Functionals:
         return self.combine(np.full((1, len(self.fixed)), 1.0 / len(self.fixed)))
 
     def predict(self) -> Predicted:
-        """Predict each function."""
+        """Predict the mean and the variance of each function."""
         own = {name: np.diag(part) for name, part in self.own.items()}
         return self.fit.predict(self.fixed, self.cross, own)
 
     def estimates(self, unit: str = "N") -> list[Estimate]:
-        """Estimate each function with its interval and its p-value (hypothesis: zero)."""
+        """Estimate each function, with interval and p-value (hypothesis: zero)."""
         return self.predict().estimates(unit)
 
 
 def _mixed(means: Array, variances: Array, weights: Array) -> Predicted:
-    """Average over the points, shape (q, m) to (m,).
+    """Average the means and variances (q, m) over the q points.
 
     The scatter of the variances gives the degrees of freedom of Student's t.
     """
@@ -498,7 +499,7 @@ def _mixed(means: Array, variances: Array, weights: Array) -> Predicted:
 
 
 def independent(x: Array) -> NDArray[np.intp]:
-    """Return the columns that are not linear combinations of earlier ones."""
+    """Return the indices of the columns that are not linear combinations of earlier columns."""
     kept: list[int] = []
     basis = np.zeros((x.shape[0], 0))
     for k in range(x.shape[1]):
@@ -516,7 +517,7 @@ def independent(x: Array) -> NDArray[np.intp]:
 
 
 def _cost(model: MixedModel, log_sd: Array) -> tuple[float, Array]:
-    """Return the negative log posterior of the log standard deviations and its gradient."""
+    """Return the negative log posterior density, and its gradient with respect to the log standard deviations."""
     sd = np.exp(log_sd)
     state = _State(model, sd)
     inverse = state.solve(np.eye(model.y.size))
@@ -537,7 +538,7 @@ def _cost(model: MixedModel, log_sd: Array) -> tuple[float, Array]:
 
 
 def _search(model: MixedModel, sd: Array | None) -> Array:
-    """Return the most probable log standard deviations, searched from `sd` or from the scales of their priors."""
+    """Return the most probable log standard deviations. The search begins at `sd`, or near the scales of the priors."""
     from scipy.optimize import fmin_l_bfgs_b
 
     start = np.log(model.scales) - 1.0 if sd is None else np.log(sd)
@@ -546,7 +547,7 @@ def _search(model: MixedModel, sd: Array | None) -> Array:
 
 
 def _points(model: MixedModel, best: Array) -> tuple[list[Array], Array]:
-    """Return points about the optimum on the principal axes of the curvature, and their weights by probability.
+    """Return points on the principal axes of the curvature about the optimum, and their weights by probability.
 
     With 2 d + 1 points, averages of cubic polynomials are exact for a normal distribution. The weights contain the
     ratio of the true density to the normal density, which corrects for skewness.

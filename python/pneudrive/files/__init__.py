@@ -1,4 +1,4 @@
-"""Files from outside: one place that opens them, one table of bounds, one set of error messages.
+"""Reading of files from outside: one place that opens them, one table of bounds, one set of error messages.
 
 `bounds` has the largest size, depth and length of input. `content` reads bytes, texts, JSON and CSV.
 

@@ -21,7 +21,7 @@ def bound(name: str) -> float:
     Raises
     ------
     CommandError
-        The variable has an unknown name, a value that is not a number, or a bound that cannot be raised.
+        The variable names an unknown bound or one that cannot be raised, or its value is not a number.
 
     Examples
     --------
@@ -52,14 +52,14 @@ def _raised(text: str) -> dict[str, float]:
 
 
 def within(name: str, value: float, what: str, kind: ErrorKind, where: str | None = None) -> None:
-    """Raise an error for a value beyond a bound.
+    """Raise an error if a value exceeds a bound.
 
     Parameters
     ----------
     name : str
         Name of the bound.
     value : float
-        Value to check; NaN is always beyond the bound.
+        Value to check; NaN always exceeds the bound.
     what : str
         First sentence of the message.
     kind : type of PneudriveError

@@ -1,4 +1,4 @@
-"""Bytes and text of a file, JSON, CSV files of pneudrive, and kinds of files, with one clear message for each error."""
+"""Read bytes, text, JSON and CSV of pneudrive, and find the kind of a file, with one clear message for each error."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ import re
 import stat
 import zlib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from difflib import get_close_matches
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO, cast
 
@@ -30,7 +31,7 @@ def rendered(
     /,
     **values: object,
 ) -> str:
-    """Return the rendered text of a jinja2 template, without lines of block tags.
+    """Return the rendered text of a jinja2 template, without the lines of its block tags.
 
     With `clean`, each value passes through this function, and is then escaped for HTML.
     """
@@ -65,7 +66,7 @@ def read_bytes(path: Path, kind: ErrorKind, most: str = "text_bytes", folder: st
     kind : type of PneudriveError
         Class of the errors.
     most : str
-        Name of the bound of the file's size.
+        Name of the bound on the size of the file.
     folder : str, optional
         Text of the remedy if the path is a folder.
 
@@ -86,7 +87,7 @@ def read_bytes(path: Path, kind: ErrorKind, most: str = "text_bytes", folder: st
 
 
 def check_file(path: Path, kind: ErrorKind, most: str = "file_bytes", folder: str | None = None) -> int:
-    """Check that a path is a file and not too large, before it is read; return its size in bytes.
+    """Check that a path is a regular file and not too large. Return its size in bytes.
 
     Raises
     ------
@@ -100,7 +101,7 @@ def check_file(path: Path, kind: ErrorKind, most: str = "file_bytes", folder: st
     if stat.S_ISDIR(about.st_mode):
         raise kind("this is a folder, but a file is needed", where=str(path), remedy=folder or "Name a file inside it.")
     if not stat.S_ISREG(about.st_mode):
-        raise kind("this is a pipe or a device, not a file", where=str(path), remedy="Write it to a file first.")
+        raise kind("this is a pipe or a device, not a file", where=str(path), remedy="Write its data to a file.")
     within(most, about.st_size, f"the file has {about.st_size:,} bytes", kind, str(path))
     return about.st_size
 
@@ -108,20 +109,26 @@ def check_file(path: Path, kind: ErrorKind, most: str = "file_bytes", folder: st
 def unreadable(path: Path, error: OSError | ValueError, kind: ErrorKind) -> PneudriveError:
     """Return the error for an exception of the operating system."""
     if isinstance(error, FileNotFoundError):
-        return kind("there is no such file", where=str(path))
+        return kind("there is no such file", where=str(path), remedy=similar(path))
     if isinstance(error, PermissionError):
         return kind("the file is not readable: permission denied", where=str(path))
     reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
     return kind(f"the file cannot be read: {reason}", where=str(path))
 
 
+def similar(path: Path) -> str | None:
+    """Return a question about a missing file with the most similar name in its folder; None without such a name."""
+    close = get_close_matches(path.name, [one.name for one in path.parent.glob("*")], n=1, cutoff=0.8)
+    return f"Did you mean {path.with_name(close[0])}?" if close else None
+
+
 def read_text(path: Path, kind: ErrorKind, most: str = "text_bytes", folder: str | None = None) -> str:
-    """Read a text file in UTF-8, without a byte order mark; see `read_bytes`.
+    """Read a text file in UTF-8 and drop a byte order mark; see `read_bytes`.
 
     Raises
     ------
     PneudriveError
-        As for `read_bytes`; or the file is binary, or in another encoding, and the message gives the line.
+        As for `read_bytes`; also if the file is binary, or has another encoding (the message gives the line).
     """
     data = read_bytes(path, kind, most, folder)
     if b"\0" in data:
@@ -139,12 +146,12 @@ def read_json(path: Path, kind: ErrorKind) -> Any:  # noqa: ANN401 - any content
 
 
 def parse_json(text: str, where: str, kind: ErrorKind) -> Any:  # noqa: ANN401 - any content
-    r"""Read JSON.
+    r"""Parse a JSON text.
 
     Raises
     ------
     PneudriveError
-        The text is not JSON, nested too deep, or too long.
+        The text is not JSON, too deeply nested, or too long.
 
     Examples
     --------
@@ -166,7 +173,7 @@ def parse_json(text: str, where: str, kind: ErrorKind) -> Any:  # noqa: ANN401 -
 
 
 def check_nesting(text: str, where: str, kind: ErrorKind) -> None:
-    """Check the nesting of brackets and the number of key parts of a TOML text, before the text is parsed.
+    """Check the nesting of brackets and dotted keys of a TOML text before the text is parsed.
 
     Raises
     ------
@@ -206,7 +213,7 @@ def check_depth(value: object, where: str, kind: ErrorKind) -> None:
     level, depth = [value], 0
     while level:
         depth += 1
-        within("nesting", depth - 1, "the file is nested too deep", kind, where)
+        within("nesting", depth - 1, "the file is nested too deeply", kind, where)
         tables = [value for value in level if isinstance(value, dict | list)]
         for table in tables:
             for key, number in table.items() if isinstance(table, dict) else enumerate(table, start=1):
@@ -233,12 +240,12 @@ _KINDS = {kind: re.compile(rf"^[ \t]*(?:{mark})", re.MULTILINE) for kind, mark i
 
 
 def kind_of_folder(path: Path) -> str:
-    """Return the kind of a result folder, such as a campaign. Empty for other folders."""
+    """Return the kind of a result folder, such as ``"campaign"``, or an empty text for other folders."""
     return next((kind for kind, names in FOLDERS.items() if all((path / name).is_file() for name in names)), "")
 
 
 def kind_of_toml(path: Path) -> str:
-    """Return the kind of a TOML file: ``"other"`` without a known table, ``"unreadable"`` if it cannot be read."""
+    """Return the kind of a TOML file: ``"other"`` if it has no known table, ``"unreadable"`` if it cannot be read."""
     try:
         with path.open("rb") as file:
             head = file.read(HEAD).decode("utf-8", "replace")
@@ -290,7 +297,7 @@ def pieces(path: Path, kind: ErrorKind, folder: str | None) -> Iterator[bytes]:
 
 
 def most_unpacked(packed: int) -> float:
-    """Return the largest number of bytes that a file may unpack to."""
+    """Return the largest allowed size after unpacking, in bytes, of a file of `packed` bytes."""
     return min(bound("unpacked_bytes"), max(bound("unpacking_factor") * packed, SMALL))
 
 
@@ -313,7 +320,7 @@ LONGEST_HEADER = 1_000_000  # bytes of the first line: 50,000 names
 
 
 def spreadsheet_text(text: str) -> str:
-    """Return a text for a cell of a CSV file. A leading ' prevents spreadsheets from running texts like "=A1".
+    """Return the text of a CSV cell. If a spreadsheet would run the text as a formula ("=A1"), prefix it with '.
 
     Examples
     --------
@@ -329,7 +336,7 @@ def spreadsheet_text(text: str) -> str:
 
 
 def csv_names(path: Path, kind: ErrorKind) -> list[str]:
-    """Return the fields of a file's first line, which are arbitrary for a binary file.
+    """Return the fields of the first line of a file. They are meaningless for a binary file.
 
     Raises
     ------
@@ -354,10 +361,10 @@ def read_csv(
     ----------
     path : Path
     types : mapping
-        Types of columns; others are guessed.
+        Types of some columns; polars guesses the others.
     kind : type of PneudriveError
     wanted : sequence of str, optional
-        None: all columns.
+        Names of the columns; None: all.
 
     Raises
     ------

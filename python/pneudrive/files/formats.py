@@ -1,7 +1,7 @@
 """Binary formats read by libraries written in C, in a separate process. Parquet is read by `pneudrive.files.tables`.
 
 `pneudrive.files.tables` starts the process, and sends requests over a pipe. A damaged file can affect only this
-process. An exception is returned as answer. After a crash, a timeout or exhausted memory, the client starts another
+process. An exception is returned as the answer. After a crash, a timeout or exhausted memory, the client starts another
 process.
 """
 
@@ -68,7 +68,7 @@ def plain(column: NDArray[Any]) -> NDArray[Any]:
 
 
 def open_netcdf(path: Path) -> Opened:
-    """Open a netCDF file, of version 3 or 4."""
+    """Open a netCDF file (version 3 or 4)."""
     import xarray as xr
 
     with path.open("rb") as file:
@@ -93,8 +93,8 @@ def open_netcdf(path: Path) -> Opened:
 def open_tdms(path: Path) -> Opened:
     """Open a TDMS file; channels are named ``group/channel``.
 
-    A waveform has no time channel. Its ``time``, s from the first start, is computed from its properties. Channels with
-    different start times or rates are interpolated to the times of the fastest channel.
+    A waveform has no time channel. Its ``time`` (in s from the first start) is computed from its properties. Channels
+    with different start times or rates are interpolated to the times of the fastest channel.
     """
     nptdms = _optional("nptdms", "tdms")
     header = [channel for group in nptdms.TdmsFile.read_metadata(path).groups() for channel in group.channels()]
@@ -121,7 +121,7 @@ def open_tdms(path: Path) -> Opened:
 
 
 def open_mf4(path: Path) -> Opened:
-    """Open an MDF file; channels are interpolated to the times of the fastest requested channel (``time``, s).
+    """Open an MDF file. Channels are interpolated to the times of the fastest requested channel (``time``, in s).
 
     A name in several channel groups is written ``number of the group/name``.
     """
@@ -150,8 +150,8 @@ def open_mf4(path: Path) -> Opened:
 def open_mat(path: Path) -> Opened:
     """Open a MAT file (v5 to v7.3); fields of structures have dotted names.
 
-    The signals of a Simulink scope are an array of structures. Columns are named by ``label``, or numbered without
-    labels: ``signals[1].values``.
+    The signals of a Simulink scope are an array of structures. Columns are named by ``label``. Without labels they are
+    numbered: ``signals[1].values``.
     """
     pymatreader = _optional("pymatreader", "mat")
     flat: Columns = {}
@@ -230,7 +230,7 @@ def _check_hdf5(path: Path) -> None:
 
 
 def _waveform_times(channels: Plain) -> dict[str, Array]:
-    """Return the times of the samples of TDMS waveforms, s from the first start.
+    """Return the times of the samples of TDMS waveforms, in s from the first start.
 
     Raises
     ------
@@ -252,7 +252,7 @@ def _waveform_times(channels: Plain) -> dict[str, Array]:
 
 
 def _on_one_clock(times: dict[str, Array], values: Columns) -> tuple[Array, Columns]:
-    """Return the times of the fastest channel that covers half of the time span, and all channels at these times.
+    """Return the times of the fastest channel that covers half the time span or more, and all channels at these times.
 
     Channels are NaN before their first and after their last sample. Text channels are unchanged.
     """
@@ -286,7 +286,7 @@ def _opened(form: str, path: str, _state: tuple[int, int, int]) -> Opened:
 
 
 def answer(request: dict[str, Any]) -> Any:  # noqa: ANN401 - of each request its own
-    """Answer a request for a file. An exception of a library is returned as answer."""
+    """Answer a request for a file. An exception of a library is returned as the answer."""
     form, path = request["form"], request["path"]
     try:
         about = Path(path).stat()

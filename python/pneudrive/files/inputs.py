@@ -1,8 +1,8 @@
 """Inputs of a result, as stored in the provenance of each result file.
 
-An input is a table: ``kind`` and ``name`` in words, ``file``, and ``sha256`` of the relevant content. This content is
-the values of a description or a map, the samples of a recording, or the bytes of any other file. Changed comments or
-labels of a description therefore do not change an input.
+An input is a table: ``kind`` and ``name`` in words, ``file``, and ``sha256`` of the relevant content. This content
+consists of the values of a description or a map, the samples of a recording, or the bytes of any other file. An edited
+comment or label of a description therefore does not change the input.
 """
 
 from __future__ import annotations
@@ -30,33 +30,33 @@ def stored_input(
 
 
 def inputs_of(described: Any, recordings: Iterable[Any] = ()) -> list[dict[str, str]]:  # noqa: ANN401 - drive, circuit or tank
-    """Return a description and recordings as inputs."""
+    """Return a list of inputs: a description and its recordings."""
     file, digest = (getattr(described, name, "") for name in ("source_file", "description_hash"))
     read = [stored_input("recording", one.name, one.source, one.sha256) for one in recordings]
     return [stored_input("drive", described.name, file, digest), *read]
 
 
 def origin(described: Any, read: Iterable[Any] = (), /, **about: Any) -> dict[str, Any]:  # noqa: ANN401 - plain data
-    """Return the provenance of a result: version, further entries, and its inputs."""
+    """Return the provenance of a result: version, the entries `about`, and inputs."""
     return {"version": __version__, **about, INPUTS: inputs_of(described, read)}
 
 
 def stored_beside(provenance: Mapping[str, Any], folder: Path) -> dict[str, Any]:
-    """Return a provenance for a file in a folder: full paths of inputs become relative to this folder."""
+    """Return the provenance for a result file in a folder, with the paths of inputs relative to this folder."""
     if INPUTS not in provenance:
         return dict(provenance)
     return {**provenance, INPUTS: [{**one, "file": path_from(one["file"], folder)} for one in provenance[INPUTS]]}
 
 
 def path_from(file: str, folder: Path) -> str:
-    """Return a path relative to a folder; unchanged if the path is on another disk drive."""
+    """Return a full path relative to a folder. A path on another disk drive stays unchanged."""
     start = folder.resolve()
     is_near = Path(file).is_absolute() and Path(file).drive == start.drive
     return Path(os.path.relpath(file, start)).as_posix() if is_near else file
 
 
 def located(provenance: Mapping[str, Any], folder: Path) -> dict[str, Any]:
-    """Return a provenance from a file in a folder, with the full paths of its inputs."""
+    """Return the provenance of a result file in a folder, with the full paths of the inputs."""
     inputs = []
     for one in provenance.get(INPUTS, ()):
         path = folder / one["file"]

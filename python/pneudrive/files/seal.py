@@ -1,4 +1,4 @@
-"""Parquet files with a checksum, the SHA-256 of their bytes, so that a reader detects any change."""
+"""Parquet files that contain the SHA-256 of their bytes as a checksum, so that a reader detects any change."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ Bytes = bytes | mmap.mmap
 
 
 def sealed_parquet(frame: pl.DataFrame, metadata: dict[str, str]) -> bytes:
-    """Return the bytes of a Parquet file with its checksum."""
+    """Return the bytes of a Parquet file that contains this table, the metadata and a checksum."""
     with io.BytesIO() as memory:
         frame.write_parquet(memory, metadata={**metadata, SEAL: BLANK})
         parquet = memory.getvalue()
@@ -37,7 +37,7 @@ def sealed_parquet(frame: pl.DataFrame, metadata: dict[str, str]) -> bytes:
 
 
 def _look(parquet: Bytes) -> tuple[str | None, bool]:
-    """Return damage and seal, see `look`."""
+    """Check the bytes of a Parquet file, see `look`."""
     if not len(parquet):
         return "the file is empty", False
     if parquet[:4] != PARQUET or len(parquet) < 12:
@@ -96,13 +96,13 @@ def _look_mapped(path: Path, _size: int, _changed_ns: int, _number: int) -> tupl
 
 
 def _footer(parquet: Bytes) -> int | None:
-    """Return the offset of the footer."""
+    """Return the offset of the footer, or None if the stated length exceeds the file."""
     length = int.from_bytes(parquet[-TAIL:-4], "little")
     return None if length > len(parquet) - TAIL - 4 else len(parquet) - TAIL - length
 
 
 def _seal_at(parquet: Bytes, footer: int) -> int | None:
-    """Find the 64 characters of the checksum in the footer, after its key, type and length (compact Thrift)."""
+    """Return the offset of the checksum (64 characters), which follows its key, type and length (compact Thrift)."""
     mark = SEAL.encode() + b"\x18" + bytes([len(BLANK)])
     at = parquet.rfind(mark, footer)
     return None if at < 0 or at + len(mark) + len(BLANK) > len(parquet) else at + len(mark)

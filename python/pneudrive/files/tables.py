@@ -49,7 +49,7 @@ ALARM = -14  # exit status of a process ended by its alarm
 
 
 class Table:
-    """Parquet file; its columns are read only on request.
+    """Parquet file whose columns are read only on request.
 
     Attributes
     ----------
@@ -106,7 +106,7 @@ class Table:
         rows : (int, int), optional
             First row and the row after the last, only for Parquet; None: all.
         dates : frozenset of str
-            Columns to read as dates: texts or NumPy's ``datetime64``, if the file has them.
+            Columns that are read as dates (texts or NumPy's ``datetime64``) if the file has dates.
 
         Returns
         -------
@@ -135,7 +135,7 @@ class Table:
 
 
 class LibraryTable(Table):
-    """File of another format, read in the reader process; it has no number of rows, because channels may differ."""
+    """File of another format, read by the reader process. It has no row count: channels may differ in length."""
 
     def __init__(self, path: Path, form: str, kind: ErrorKind) -> None:
         self.path, self.kind, self.is_sealed, self._form = path, kind, False, form
@@ -151,7 +151,7 @@ class LibraryTable(Table):
 
 @contextlib.contextmanager
 def clear_errors(path: Path, kind: ErrorKind) -> Iterator[None]:
-    """Raise errors of polars about a Parquet file as errors of `kind`. Panics of polars are not ordinary exceptions."""
+    """Convert errors of polars about a Parquet file to errors of `kind`. Panics are not ordinary exceptions."""
     import polars as pl
 
     try:
@@ -168,7 +168,7 @@ def clear_errors(path: Path, kind: ErrorKind) -> Iterator[None]:
 
 
 def open_table(path: Path, form: str, kind: ErrorKind = RecordingError) -> Table:
-    """Open a file of columns.
+    """Open a binary file with columns.
 
     Parameters
     ----------
@@ -206,9 +206,9 @@ def _without_lists(table: pl.LazyFrame) -> pl.LazyFrame:
 
 
 def read_alike(paths: Sequence[Path], wanted: Sequence[str]) -> list[Columns] | None:
-    """Read columns of Parquet files by one query, which takes longer than reading a small file.
+    """Read columns of many Parquet files by one query, because a query takes longer than reading a small file.
 
-    Return None if a column is missing in a file, or a value: it would turn the integers of all files into floats.
+    Return None if a file lacks a column or a value. A missing value would turn the integers of all files into floats.
     """
     import polars as pl
 
@@ -226,7 +226,7 @@ def read_alike(paths: Sequence[Path], wanted: Sequence[str]) -> list[Columns] | 
 
 
 def read_texts(paths: Iterable[Path], key: str, kind: ErrorKind) -> Iterator[Text | PneudriveError]:
-    """Read one text of the metadata of many Parquet files.
+    """Read one text from the metadata of each of many Parquet files.
 
     Parameters
     ----------
@@ -238,8 +238,8 @@ def read_texts(paths: Iterable[Path], key: str, kind: ErrorKind) -> Iterator[Tex
     Yields
     ------
     (str or None, bool) or PneudriveError
-        Text, and whether the file has a valid checksum; one entry per file, in order. Errors, of `kind`, are those of
-        `open_table`.
+        Text, and whether the file has a valid checksum; one entry per file, in order. The errors are those of
+        `open_table`, as `kind`.
     """
 
     def text(path: Path) -> Text:
@@ -250,7 +250,7 @@ def read_texts(paths: Iterable[Path], key: str, kind: ErrorKind) -> Iterator[Tex
 
 
 def read_columns(paths: Iterable[Path], wanted: Sequence[str], kind: ErrorKind) -> Iterator[Columns | PneudriveError]:
-    """Read columns of many Parquet files. Columns missing in a file are left out. See `read_texts`."""
+    """Read columns of many Parquet files. Columns that a file lacks are left out. See `read_texts`."""
 
     def columns(path: Path) -> Columns:
         table = open_table(path, "parquet", kind)
@@ -266,7 +266,7 @@ def read_columns(paths: Iterable[Path], wanted: Sequence[str], kind: ErrorKind) 
 
 
 def _found(read: Callable[[Path], Found], path: Path, kind: ErrorKind) -> Found | PneudriveError:
-    """Return the result of reading a file, or its error."""
+    """Read a file, and return the result or the error."""
     try:
         return read(path)
     except kind as error:
@@ -274,7 +274,7 @@ def _found(read: Callable[[Path], Found], path: Path, kind: ErrorKind) -> Found 
 
 
 def _batches(paths: Iterable[Path]) -> Iterator[list[Path]]:
-    """Divide files into batches, limited in number and bytes."""
+    """Divide files into batches of limited number and size."""
     batch, size = list[Path](), 0
     for path in paths:
         batch.append(path)

@@ -38,7 +38,7 @@ def open_to_append(path: Path) -> TextIO:
 
 
 def make_result_folder(path: Path) -> None:
-    """Create a folder that a user names, and its parents, unless they exist.
+    """Create a folder named by the user, with its parents, unless it exists.
 
     Raises
     ------
@@ -53,7 +53,7 @@ def make_result_folder(path: Path) -> None:
 
 
 def make_subfolder(path: Path) -> None:
-    """Create a folder of a result, unless it exists.
+    """Create a folder inside a result folder, unless it exists.
 
     Raises
     ------
@@ -72,7 +72,7 @@ _THREADS = threading.Lock()
 
 
 def take(file: int) -> bool:
-    """Acquire the lock of an open file, with a few attempts, because `is_held` holds the lock for a moment.
+    """Try a few times to lock an open file, because `is_held` locks it for a moment. Return whether it is locked.
 
     Raises
     ------

@@ -21,6 +21,7 @@ from xml.sax.saxutils import escape
 from pneudrive import __version__
 from pneudrive.errors import CommandError, DescriptionError, nearest, package_table
 from pneudrive.files.content import check_file, rendered
+from pneudrive.files.writing import make_result_folder
 from pneudrive.fmu.variables import RTOL, FmuCode, FmuPlan, FmuVariable, plan_of
 from pneudrive.repr_tables import Shown
 from pneudrive.simulation.simulate import require
@@ -77,7 +78,7 @@ _FOREIGN = re.compile(r"[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 _ESCAPES = {'"': "&quot;", "\t": "&#09;", "\n": "&#10;", "\r": "&#13;"}
 _ABOUT = (
     "Pressures are absolute. Positions and velocities grow towards the end of chamber b. In model exchange a step of "
-    "the command has to be an event of the input: a steep ramp in its place gives wrong results without a message."
+    "the command must be an event of the input: a steep ramp instead gives wrong results without a message."
 )
 _ABOUT_LAW = (
     "Pressures are absolute. Samples are taken at each multiple of {period} s, with the inputs at the beginning of a "
@@ -172,7 +173,7 @@ def read_fmu(path: Path) -> SeenFmu:
     Raises
     ------
     CommandError
-        The file is not an FMU, or its description is too large, or defines XML entities.
+        The file is not an FMU, or its description is too large or defines XML entities.
     """
     check_file(path, CommandError)
     try:
@@ -184,7 +185,7 @@ def read_fmu(path: Path) -> SeenFmu:
     except CommandError:
         raise
     except Exception as error:  # the exceptions of the archive and XML libraries for damaged bytes are not documented
-        raise CommandError(f"{path.name} is not an FMU that can be read: {error}") from None
+        raise CommandError(f"{path.name} cannot be read as an FMU: {error}") from None
     return SeenFmu(
         title=root.get("modelName", ""),
         tool=root.get("generationTool", ""),
@@ -263,7 +264,7 @@ def try_plan(json: str, token: str, states: int) -> tuple[int, list[float]]:
     int
         Number of event indicators.
     list of float
-        Nominal values of the states, SI.
+        Nominal values of the states, in SI.
 
     Raises
     ------
@@ -293,7 +294,7 @@ def try_plan(json: str, token: str, states: int) -> tuple[int, list[float]]:
             )
         )
         if not done:
-            raise DescriptionError("the library refuses the drive: " + "; ".join(dict.fromkeys(messages)))
+            raise DescriptionError("the library rejects the drive: " + "; ".join(dict.fromkeys(messages)))
     finally:
         library.fmi3FreeInstance(instance)
     return count.value, list(sizes)
@@ -348,7 +349,7 @@ _EXECUTABLE = 0o755 << 16
 
 @dataclass(frozen=True, repr=False)
 class FmuFile(Shown):
-    """An FMU that was written.
+    """A written FMU file.
 
     Attributes
     ----------
@@ -400,8 +401,8 @@ def export_fmu(
 
     Inputs are the command and the external force in N. Outputs are the variables of a trajectory in SI. Parameters are
     the numbers of the drive file by their keys, and ``start.position``, ``start.pressure_a`` and so on. Pressures are
-    absolute. Each parameter is independent: in the FMU, a derived value does not follow a change of the value on which
-    it depends.
+    absolute. Each parameter is independent: in the FMU, a derived value stays constant if the value on which it depends
+    is changed.
 
     Parameters
     ----------
@@ -507,15 +508,12 @@ def export_c(
     plan = complete_plan(drive, initial, rtol)
     target, own = Path(folder), Path(__file__).parent
     library = binary_path().read_bytes()
-    try:
-        target.mkdir(parents=True, exist_ok=True)
-        files = {PLAN: plan.json().encode(), HEADER: (own / HEADER).read_bytes(), binary_name(): library}
-        files[EXAMPLE] = _example((own / EXAMPLE).read_text("utf-8"), plan).encode()
-        for name, data in files.items():
-            with whole(target / name) as temporary:
-                temporary.write_bytes(data)
-    except OSError as error:
-        raise CommandError(f"{target} cannot be written: {error.strerror}") from None
+    make_result_folder(target)
+    files = {PLAN: plan.json().encode(), HEADER: (own / HEADER).read_bytes(), binary_name(): library}
+    files[EXAMPLE] = _example((own / EXAMPLE).read_text("utf-8"), plan).encode()
+    for name, data in files.items():
+        with whole(target / name) as temporary:
+            temporary.write_bytes(data)
     return tuple(target / name for name in (HEADER, binary_name(), PLAN, EXAMPLE))
 
 

@@ -37,9 +37,9 @@ class FmuVariable:
     Attributes
     ----------
     name : str
-        Name in the drive file, or of a trajectory's variable.
+        Name in the drive file or in a trajectory.
     unit : str
-        SI unit; ``"1"`` for a pure number.
+        SI unit; ``"1"`` for a dimensionless number.
     meaning : str
     causality : str
         ``independent``, ``parameter``, ``input``, ``output`` or ``local``.
@@ -48,7 +48,7 @@ class FmuVariable:
     start : float or None
         Start value of a parameter or an input.
     rate_of : str
-        Name of the state whose rate this variable is.
+        Name of the state of which this variable is the rate.
     nominal : float or None
         Nominal value of a state, from which a tool derives its absolute tolerance. The default of tools is 1.
     """
@@ -73,7 +73,7 @@ class FmuCode:
     Attributes
     ----------
     identifier : str
-        Prefix of its names.
+        Prefix of the names in the code.
     files : tuple of (str, str)
         Names and texts, including ``conformance.txt``, a file for checking a compiled copy.
     period_s : float
@@ -96,7 +96,7 @@ class FmuPlan:
     form : dict
         The circuit in the core's form; empty for a controller.
     start : dict
-        Start values by the core's names, SI; empty for a controller.
+        Start values in SI by the core's names; empty for a controller.
     rtol : float
     is_actuator : bool
         Whether position and velocity of the piston are inputs.
@@ -120,7 +120,7 @@ class FmuPlan:
 
     @property
     def period_s(self) -> float | None:
-        """Period of the samples of a controller, s."""
+        """Sampling period of a controller in s."""
         if self.code is not None:
             return self.code.period_s
         return None if self.law is None else self.law["controller"]["period_s"]
@@ -176,7 +176,7 @@ def plan_of(
     """
     if actuator:
         if not isinstance(described, Drive):
-            raise DescriptionError("an actuator is made of a drive", remedy="Export a drive file.")
+            raise DescriptionError("an actuator needs a drive, not a circuit", remedy="Export a drive file.")
         # The other tool models force and spring of the load.
         load = described.carried.model_copy(update={"force_n": 0.0, "spring": None})
         described = described.model_copy(update={"carried": load})
@@ -272,7 +272,7 @@ def _parameters(described: DriveOrCircuit, form: Plain) -> Iterator[FmuVariable]
 
 
 def _starts(start: NamedNumbers, is_short: bool, actuator: bool) -> Iterator[FmuVariable]:
-    """Yield the numbers of the start. Gas in a drive's tubes starts at the pressure of their chamber."""
+    """Yield the numbers of the start. Gas in a tube of a drive starts at the pressure of its chamber."""
     followers: dict[str, list[str]] = {}
     for core in start:
         last = core.rpartition(".")[2]
@@ -313,7 +313,7 @@ def _results(session: CoreSession, described: DriveOrCircuit, actuator: bool) ->
         if core not in seen:
             yield FmuVariable(name, unit, what, "local", {"role": "state", "of": core})
         change, rate = f"{name}_change", _per_second(unit)
-        since = f"{name}, its change since the start or, in model exchange, the last event"
+        since = f"change of {name} since the start or, in model exchange, since the last event"
         yield FmuVariable(change, unit, since, "local", {"role": "change", "of": core})
         role = {"role": "rate", "of": core}
         yield FmuVariable(f"der({name})", rate, f"rate of {name}", "local", role, rate_of=change)

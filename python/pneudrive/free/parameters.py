@@ -1,8 +1,8 @@
 """Numbers of a drive or a circuit that can be free parameters, and their names.
 
 Names of a drive are those of its file (``friction.coulomb``, ``cylinder.dead_volume.a``, ``valve.conductance``). Those
-of a circuit begin with the component (``left.friction.coulomb``). Values are in SI, pressures absolute. Any number of
-the description can be free.
+of a circuit begin with the component (``left.friction.coulomb``). Values are in SI; pressures are absolute. Any number
+of the description can be free.
 """
 
 from __future__ import annotations
@@ -81,7 +81,7 @@ def table_of(form: Plain, path: str) -> tuple[Plain, str]:
 
 
 def at_rest(name: str, pressures: ArrayPair | Pair, temperature_k: float) -> Array | float:
-    """Return the start value of a friction state or of gas in a tube, from the chamber pressures, Pa.
+    """Return the start value of a friction state or of gas in a tube, from the chamber pressures in Pa.
 
     Examples
     --------
@@ -94,7 +94,7 @@ def at_rest(name: str, pressures: ArrayPair | Pair, temperature_k: float) -> Arr
 
 
 def side_of(name: str) -> str:
-    """Return the side, chamber a or b, to which the gas of a tube or a joint belongs.
+    """Return the chamber, a or b, to which the gas of a tube or a joint belongs.
 
     Examples
     --------
@@ -129,13 +129,13 @@ class Parameter:
     value : float
         Start value; NaN for a number that can vary, but cannot be free.
     lower, upper : float
-        Open bounds.
+        Bounds, themselves excluded.
     size : float
-        Typical change, for a number that may be negative.
+        Typical change of a number that may be negative.
     discrete : bool
         Whether runs have no derivative with respect to this number.
     mark : Quantity, StatedPressure or None
-        Written form.
+        Form in which a file states the number: its unit, gauge or absolute.
     """
 
     name: str
@@ -171,7 +171,7 @@ def start_numbers(marks: Mapping[str, Quantity | StatedPressure]) -> dict[str, P
 
 
 def mark_unit(mark: Quantity | StatedPressure) -> str:
-    """Return the SI unit for a written form."""
+    """Return the SI unit of a written form."""
     return "Pa" if isinstance(mark, StatedPressure) else mark.si_unit or "1"
 
 
@@ -295,7 +295,7 @@ _STEP = 1e-6
 
 
 class DriveFamily:
-    """Family of drives for any values of free numbers, with derived values.
+    """A drive as a function of its free numbers, including derived values.
 
     Parameters
     ----------
@@ -311,7 +311,7 @@ class DriveFamily:
     Attributes
     ----------
     paths : list of str
-        Numbers by which a run has derivatives: free parameters, then derived values that depend on them.
+        Numbers with respect to which a run has derivatives: free parameters, then derived values that depend on them.
     moving : list of Derived
         Derived values that depend on free parameters.
     piston : str
@@ -432,7 +432,7 @@ class DriveFamily:
 def family_of(
     described: DriveOrCircuit, parameters: Sequence[Parameter], axis: ShortNames | None = None
 ) -> DriveFamily:
-    """Return the family of a drive or a circuit for some free parameters; `axis` are short names for a circuit."""
+    """Return the family of a drive or a circuit for some free parameters; `axis` has short names for a circuit."""
     free, (form, names) = [p.core for p in parameters], described.system
     every = derived_in_circuit(described.circuit) if names is None else derived(cast("Drive", described))
     return DriveFamily(json.loads(form), free, every, names or axis)
@@ -524,9 +524,9 @@ class Differentiator:
         Parameters
         ----------
         values : array_like, shape (p,)
-            Values of the parameters, SI.
+            Values of the parameters, in SI.
         times : ndarray, shape (n,)
-            Times of the samples, s, increasing from the start.
+            Times of the samples in s, increasing from the start.
         columns : sequence of str
             Columns of a trajectory file.
         derivatives : bool
@@ -538,7 +538,8 @@ class Differentiator:
         -------
         values : ndarray, shape (n, c)
         derivatives : ndarray, shape (n, c, p)
-            SI, by each parameter, including its effect on derived values (`pneudrive.describe.tables.derived`).
+            In SI, with respect to each parameter, including its effect on derived values
+            (`pneudrive.describe.tables.derived`).
 
         Raises
         ------

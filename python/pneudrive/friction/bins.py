@@ -23,7 +23,7 @@ MIDDLE = (0.2, 0.8)  # of the way: the window, if the layout does not state it
 
 @dataclass(frozen=True)
 class Grid:
-    """Equal position bins, numbered from 0 at the lower end of the window. The ends of the window are bin edges.
+    """Position bins of equal width, numbered from 0 at the lower end of the window, whose ends are bin edges.
 
     Attributes
     ----------
@@ -34,8 +34,8 @@ class Grid:
     first, stop : int
         Index of the first bin (negative below the window), and index after the last bin.
     whole : bool
-        Whether to leave out bins that the settled part of a stroke covers only partly, so that all cycles have equal
-        bins.
+        Whether to leave out bins that the settled part of a stroke covers only partly, so that all cycles have the
+        same bins.
     """
 
     low_m: float
@@ -47,7 +47,7 @@ class Grid:
 
     @property
     def edges_m(self) -> Array:
-        """Edges of the bins."""
+        """Edges of the bins, in m."""
         return np.asarray(self.low_m + self.width_m * np.arange(self.first, self.stop + 1), dtype=float)
 
     @property
@@ -104,7 +104,7 @@ def bin_means(
 
 
 def mean_profile(strokes_n: Array) -> Array:
-    """Return the mean over strokes in each bin, shape (bins,), by a model with a separate level for each stroke.
+    """Return the mean (bins,) over strokes in each bin, by a model with a separate level for each stroke.
 
     A stroke with missing bins (a gap in the recording) must not shift the profile there. The two-way model value =
     stroke + bin is fitted by alternation, and the profile is bin + mean stroke.
@@ -126,7 +126,7 @@ def mean_profile(strokes_n: Array) -> Array:
 
 
 def stroke_means(strokes_n: Array, bins: Bools) -> Array:
-    """Return the mean of each stroke over the chosen bins, shape (strokes,), missing bins filled from the profile."""
+    """Return the mean (strokes,) of each stroke over the chosen bins. Missing bins are filled from the profile."""
     part = strokes_n[:, bins]
     profile = mean_profile(part)
     return known_mean(part - profile, axis=1) + np.nanmean(profile)
@@ -149,7 +149,7 @@ class Spread:
     """Spread of stroke means in one direction.
 
     ``stderr_n`` is NaN for a single stroke. ``trend_p`` is the p-value of Kendall's test for a drift (1 if not
-    testable). ``effective`` is the number of independent strokes, smaller than ``strokes`` with a drift.
+    testable). ``effective`` is the number of independent strokes; a drift makes it smaller than ``strokes``.
     """
 
     strokes: int
@@ -166,7 +166,7 @@ class Spread:
 
 
 def spread_of(stroke_means_n: Array) -> Spread:
-    """Describe the means of successive strokes, shape (strokes,), NaN ignored."""
+    """Return the spread of the means (strokes,) of successive strokes. Strokes with NaN are left out."""
     values = stroke_means_n[np.isfinite(stroke_means_n)]
     n = values.size
     if n == 0:
@@ -184,7 +184,7 @@ def spread_of(stroke_means_n: Array) -> Spread:
 
 
 def _effective_number(values: Array, *, has_trend: bool) -> float:
-    """Estimate the number of independent strokes: fewer if neighbouring strokes are significantly correlated."""
+    """Estimate the number of independent strokes. A significant correlation of neighbouring strokes reduces it."""
     n = values.size
     away = values - values.mean()
     power = away @ away
@@ -198,10 +198,10 @@ def _effective_number(values: Array, *, has_trend: bool) -> float:
 
 
 def pair_stderr(deviation_n: Array, effective: Array) -> Array:
-    """Return the standard errors of half the difference of both directions' means, shape (n,).
+    """Return the standard errors (n,) of half the difference between the means of both directions.
 
-    Arguments are scatter and effective number of strokes of both directions, shape (n, 2). A direction with a single
-    stroke takes the scatter of the other direction. NaN if both are unknown.
+    Arguments are scatter and effective number of strokes of both directions, each of shape (n, 2). A direction with a
+    single stroke takes the scatter of the other direction. The result is NaN if both are unknown.
     """
     pooled = np.where(np.isfinite(deviation_n), deviation_n, -np.inf).max(axis=1)
     filled = np.where(np.isfinite(deviation_n), deviation_n, pooled[:, None])
@@ -231,7 +231,7 @@ def within_stderr(strokes_n: Array) -> float:
     Parameters
     ----------
     strokes_n
-        Balance of each stroke in each bin, shape (strokes, bins), at least two strokes.
+        Balance (strokes, bins) of each stroke in each bin, for at least two strokes.
     """
     strokes_n = strokes_n[:, np.isfinite(strokes_n).all(axis=0)]
     strokes, bins = strokes_n.shape

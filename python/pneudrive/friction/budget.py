@@ -1,7 +1,7 @@
 """Uncertainty budget of one row of the friction map, term by term, as in the GUM.
 
 Measurand: friction, half the difference of the mean force balance in +x and in -x at equal positions. Terms are
-independent, so standard uncertainties add in squares; the expanded uncertainty has k = 2.
+independent, so their standard uncertainties add as root sum of squares; the expanded uncertainty has k = 2.
 For a row of a recording (one speed level):
 
     stderr_n        type A   `chance_n`: scatter of the strokes' means, at least the noise within the strokes
@@ -47,7 +47,7 @@ USUAL_RANGES_PA = np.array([1, 1.6, 2.5, 4, 6, 10, 16, 25, 40, 100]) * 1e5
 
 @dataclass(frozen=True)
 class BudgetEntry:
-    """One source: its standard uncertainty, and its contributions to friction and offset, N.
+    """One source of uncertainty: its standard uncertainty, and its contributions to friction and offset in N.
 
     ``basis`` is "layout" (the accuracy was given), "assumed" or "data"; ``kind`` "A" or "B" (GUM).
     """
@@ -110,17 +110,17 @@ def _halves(up: float, down: float) -> Interval:
 
 
 def unseen_n(pattern_n: Array, coverage: float) -> float:
-    """Return the standard uncertainty, N, of using the mean over some position bins as the mean over the whole stroke.
+    """Return the standard uncertainty, in N, if the mean over some position bins is used for the whole stroke.
 
-    The uncertainty is the standard deviation of friction over the bins, shape (bins,), times the fraction of the stroke
-    outside the bins. The bins cover the fraction ``coverage`` of the travel.
+    The uncertainty is the standard deviation of friction over the (bins,), times the fraction of the stroke outside
+    the bins. The bins cover the fraction ``coverage`` of the travel.
     """
     known = pattern_n[np.isfinite(pattern_n)]
     return (1.0 - coverage * (1.0 - BEYOND_SHARE)) * float(known.std()) if known.size else 0.0
 
 
 def window_entry(friction_n: Array, offset_n: Array, coverage: float) -> BudgetEntry:
-    """Return the budget entry for the choice of the window, from friction and offset in its bins, shape (bins,)."""
+    """Return the budget entry for the choice of the window, from friction and offset (bins,) in its bins."""
     friction, offset = (unseen_n(values, coverage) for values in (friction_n, offset_n))
     words = "standard deviation over the window times the share of the stroke outside it"
     return BudgetEntry("choice of the window", 1.0 - coverage, "", "data", "B", friction, offset, words)
@@ -150,7 +150,7 @@ def _sensor_entries(
         In +x and -x.
     newton_per_unit : float
     assumed : tuple of float and str
-        Standard uncertainty of a sensor without statements in the layout, and its reason.
+        Standard uncertainty of a sensor on which the layout states nothing, and the reason for it.
     largest, zero : float
         Largest reading above zero, and the reading at zero force.
     """
@@ -186,7 +186,7 @@ def _pressure_entries(recording: Recording, side: str, up: Side, down: Side) -> 
 
 
 def usual_range(largest_pa: float) -> float:
-    """Return the smallest usual transducer range that contains a pressure, or the pressure itself beyond all ranges."""
+    """Return the smallest usual transducer range that contains a pressure, or the pressure if it exceeds all ranges."""
     above = USUAL_RANGES_PA[largest_pa <= USUAL_RANGES_PA]
     return float(above[0]) if above.size else largest_pa
 
@@ -232,7 +232,7 @@ def _geometry_entries(recording: Recording, up: Side, down: Side) -> list[Budget
 
 
 def chance_n(scatter_n: Array | float, noise_n: Array | float) -> Array:
-    """Return the type A standard uncertainty of friction: scatter between strokes, at least their noise, N.
+    """Return the type A standard uncertainty of friction in N: scatter between strokes, but at least their noise.
 
     The scatter is NaN for single strokes (`pair_stderr`). The noise is that of the bins within the strokes, without
     their pattern over position.
@@ -242,7 +242,7 @@ def chance_n(scatter_n: Array | float, noise_n: Array | float) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class SharedTerms:
-    """Standard uncertainties that all points of a curve share, N, shape (m,).
+    """Standard uncertainties (m,) in N that all points of a curve share.
 
     Attributes
     ----------
@@ -274,7 +274,7 @@ def combined(entries: Sequence[BudgetEntry]) -> tuple[float, float]:
 
 
 def stated_shares(recording: Recording, up: Side, down: Side, late_s: float = 0.0) -> dict[str, float | bool]:
-    """Divide the budget of a cycle into the parts that campaigns treat separately: column of a cycle -> part.
+    """Divide the budget of a cycle into the parts that campaigns treat separately. Return column of a cycle -> part.
 
     Cycles share their sensors. The parts are proportional to friction, constant, or removed by zero runs.
     """
@@ -312,7 +312,7 @@ def _root(parts: Iterable[float]) -> float:
 
 
 def _of_range(recording: Recording, channel: str, reading: float, zero: float) -> float:
-    """Return the reading relative to the sensor's range, counted from its zero."""
+    """Return the reading as a fraction of the sensor's range, both counted from `zero`."""
     limits = recording.limits.get(channel)
     reach = max(abs(v - zero) for v in limits) if limits else np.max(np.abs(getattr(recording, channel) - zero))
     return min(abs(reading - zero) / float(reach), 1.0) if reach > 0 else 0.0

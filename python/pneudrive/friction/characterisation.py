@@ -14,11 +14,11 @@ import numpy as np
 
 from pneudrive.arrays import Row, evenly
 from pneudrive.errors import RecordingError
-from pneudrive.estimate.estimates import changed
+from pneudrive.estimate.estimates import changed, student
 from pneudrive.files.inputs import INPUTS, stored_input
 from pneudrive.friction import level as reduction
 from pneudrive.friction import pressure
-from pneudrive.friction.budget import CLOCKS, COVERAGE_FACTOR
+from pneudrive.friction.budget import CLOCKS
 from pneudrive.friction.friction_map import AMBIENT, SAME_PA, rows_to_dataset
 from pneudrive.friction.level import Level, RecordingResult
 from pneudrive.friction.sentences import named, sentence
@@ -81,26 +81,25 @@ def _doubts(levels: Iterable[Level]) -> list[str]:
 
 LEAST_SPEEDS = 3  # speed levels of a direction that make its friction a curve over speed
 NEAR = 0.1  # speeds within this ratio are compared
+BEYOND_U = 0.0455  # probability of a normal value beyond U (k = 2)
 
 
 def _differences(results: tuple[RecordingResult, ...]) -> list[str]:
     """Return a note on the two recordings of one assembly that differ most in friction.
 
     Recordings with several speeds are compared. If there are three or more, only those at equal pressures are compared,
-    because pressure changes friction.
+    because pressure changes friction. The uncertainty of the difference is that of all comparisons together.
     """
-    largest, notes = 1.0, []
+    every: list[tuple[float, Row]] = []
     for first, second in combinations(results, 2):
         one, other = first.levels[0], second.levels[0]
         is_apart = any(abs(one.gauge_pa[side] - other.gauge_pa[side]) > SAME_PA for side in "ab")
         if one.seal != other.seal or (is_apart and len(results) > 2):
             continue
-        found = [_difference(*pair, way) for way in (1, -1) for pair in _near(first.levels, second.levels, way)]
-        off, values = max(found, key=lambda pair: pair[0], default=(0.0, {}))
-        if off > largest:
-            names = {"first": first.recording.name, "second": second.recording.name}
-            largest, notes = off, [sentence("note.differ", **names, **values)]
-    return notes
+        every += [_difference(*pair, way) for way in (1, -1) for pair in _near(first.levels, second.levels, way)]
+    reach = student(0, 1.0 - BEYOND_U / max(len(every), 1))
+    off, values = max(every, key=lambda one: one[0], default=(0.0, {}))
+    return [sentence("note.differ", **values, count=len(every), half_n=reach * values["u_n"])] if off > reach else []
 
 
 def _near(first: tuple[Level, ...], second: tuple[Level, ...], way: int) -> list[tuple[Level, Level]]:
@@ -112,8 +111,8 @@ def _near(first: tuple[Level, ...], second: tuple[Level, ...], way: int) -> list
     return [(a, b) for a, b in pairs if abs(a.speed_m_s - b.speed_m_s) < NEAR * a.speed_m_s]
 
 
-def _difference(one: Level, other: Level, way: int) -> tuple[float, dict[str, float | str]]:
-    """Return the difference divided by its expanded uncertainty U, and the values for a note.
+def _difference(one: Level, other: Level, way: int) -> tuple[float, Row]:
+    """Return the difference divided by its standard uncertainty, and the values for a note.
 
     Common error sources are fully correlated between both levels, except clocks of loggers.
     """
@@ -123,9 +122,11 @@ def _difference(one: Level, other: Level, way: int) -> tuple[float, dict[str, fl
     )
     apart = [first.get(name, 0.0) - second.get(name, 0.0) for name in first | second if name != CLOCKS]
     clocks = [share.get(CLOCKS, 0.0) for share in (first, second)]
-    half = COVERAGE_FACTOR * float(np.linalg.norm([one.stderr_n, other.stderr_n, *apart, *clocks]))
-    values = {"first_n": one.friction_n, "second_n": other.friction_n, "speed_mm_s": 1e3 * one.speed_m_s}
-    return abs(one.friction_n - other.friction_n) / half, {**values, "way": "+x" if way > 0 else "-x", "half_n": half}
+    u_n = float(np.linalg.norm([one.stderr_n, other.stderr_n, *apart, *clocks]))
+    off_n = abs(one.friction_n - other.friction_n)
+    values = {"first": one.recording, "second": other.recording, "speed_mm_s": 1e3 * one.speed_m_s, "u_n": u_n}
+    values |= {"first_n": one.friction_n, "second_n": other.friction_n, "way": "+x" if way > 0 else "-x"}
+    return off_n / u_n, values | {"off_n": off_n, "percent": 100.0 * off_n / abs(one.friction_n)}
 
 
 def notes_of(found: Characterisation) -> list[str]:
@@ -170,7 +171,7 @@ SHOWN = 24  # number of recordings of a larger campaign whose curves are kept
 
 @dataclass(frozen=True, eq=False, repr=False)  # holds arrays: equal only to itself
 class Characterisation(Viewed):
-    """All results of a characterisation. SI, absolute pressures, N.
+    """All results of a characterisation, in SI units and with absolute pressures.
 
     Attributes
     ----------
@@ -244,7 +245,7 @@ class Characterisation(Viewed):
 
     @cached_property
     def run_spread(self) -> pressure.RunSpread | None:
-        """Spread between runs."""
+        """Relative spread between runs; None without repeated runs."""
         return pressure.run_spread(self.table)
 
     @cached_property

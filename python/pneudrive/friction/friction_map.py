@@ -16,7 +16,7 @@ from pneudrive.files.content import read_csv
 from pneudrive.files.inputs import INPUTS, located, stored_beside
 from pneudrive.files.tables import open_table
 from pneudrive.lazy_names import upper
-from pneudrive.simulation.trajectory import check_target, write_frame
+from pneudrive.simulation.trajectory import SUFFIXES, check_target, column_names, write_frame
 from pneudrive.views import ShownCurve
 
 if TYPE_CHECKING:
@@ -67,7 +67,7 @@ def columns_to_dataset(columns: Mapping[str, Sequence | np.ndarray], about: Mapp
 
 
 def write_map(friction_map: xr.Dataset, path: str | Path) -> Path:
-    """Write map.parquet or map.csv, by suffix: the columns of ``COLUMNS``, and after them the labels.
+    """Write the map to a Parquet or CSV file, by suffix: the columns of ``COLUMNS``, and after them the labels.
 
     Only Parquet stores the list of recordings. The path of the file becomes an attribute of the map.
 
@@ -98,6 +98,10 @@ def read_map(path: str | Path) -> xr.Dataset:
         The file does not exist, is not such a table, or lacks columns.
     """
     path, inputs = Path(path), "[]"
+    names = column_names(path) if path.suffix in SUFFIXES else ()
+    if missing := [name for name in COLUMNS if name not in names and name not in ADDED]:
+        few = ", ".join(missing[:3]) + ", ..." * (len(missing) > 3)
+        raise RecordingError.of("friction.no_map", where=str(path), missing=few)
     if path.suffix == ".parquet":
         table = open_table(path, "parquet")
         columns, inputs = table.get(table.names), table.metadata.get(INPUTS, "[]")
@@ -108,10 +112,6 @@ def read_map(path: str | Path) -> xr.Dataset:
         types = {name: kinds.get(unit, pl.Float64) for name, (unit, _) in COLUMNS.items()}
         frame = read_csv(path, types, RecordingError)
         columns = {name: frame[name].to_numpy() for name in frame.columns}
-    missing = [name for name in COLUMNS if name not in columns and name not in ADDED]
-    if missing:
-        remedy = "use a map written by pneudrive characterise"
-        raise RecordingError(f"the friction map lacks {', '.join(missing)}", where=str(path), remedy=remedy)
     found = columns_to_dataset({n: _checked(n, v, path) for n, v in columns.items() if n in COLUMNS})
     if AMBIENT in columns:
         found.attrs[AMBIENT] = float(found[AMBIENT].mean())
@@ -123,14 +123,14 @@ def read_map(path: str | Path) -> xr.Dataset:
 
 
 def _checked(name: str, values: np.ndarray, path: Path) -> np.ndarray:
-    """Return a column of a file in the form of the map."""
+    """Check a column of a file, and convert it to its type in the map."""
     unit, _ = COLUMNS[name]
     if not unit:
         return np.array([str(v) if v is not None else "" for v in values.tolist()], dtype=object)
     if values.dtype.kind not in "iuf" or (unit == "1" and not np.all(values == np.floor(values))):
         rule = "whole numbers" if unit == "1" else "numbers"
         shown = f"{values.dtype}, {values[:3].tolist()}"
-        raise RecordingError(f"column {name} of the friction map holds no {rule}", where=str(path), value=shown)
+        raise RecordingError(f"column {name} of the friction map must hold {rule}", where=str(path), value=shown)
     return values
 
 
@@ -254,7 +254,7 @@ class MapGroup(NamedTuple):
     assembly : str
     rows : ndarray of int
     gauges : ndarray, shape (2,)
-        Mean gauge pressures of chambers a and b, Pa.
+        Mean gauge pressures of chambers a and b, in Pa.
     """
 
     assembly: str
@@ -299,7 +299,7 @@ class MapGroup(NamedTuple):
 
 
 def groups_of(table: xr.Dataset, most: int | None = None) -> list[MapGroup]:
-    """Return the first groups of rows of a map. Assemblies are in the order of their first rows."""
+    """Group the first `most` rows of a map (None: all). Assemblies are in the order of their first rows."""
     table = table.isel(row=slice(most))
     assemblies = np.array(assemblies_of(table))
     # Both pressures of a row are the means of its recording.

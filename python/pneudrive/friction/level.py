@@ -2,7 +2,7 @@
 
 Processing: recording -> motion -> tables of strokes -> speed levels. Long recordings are processed part by part.
 
-Only one part is in memory at a time. Parts overlap by one stroke, so that each stroke is counted once, with the rest
+Only one part is in memory at a time. Parts overlap by one stroke, so that each stroke is counted once, with the dwell
 before it. Speed classes are found from the strokes of all parts. The window is that of the layout, or the middle of the
 strokes of the first part. The samples of the part with the largest force are kept for figures and the uncertainty
 budget.
@@ -26,6 +26,7 @@ from pneudrive.friction.friction_map import TABLES, group_of
 from pneudrive.friction.sentences import sentence
 from pneudrive.friction.stick_slip import RIPPLE_LIMIT, ReversalPeak, StickSlip
 from pneudrive.friction.strokes import RecordedMotion, SampleChoice, Side, Strokes, StrokeUse, stroke_grid, stroke_use
+from pneudrive.numbers import plain
 from pneudrive.progress import Watch
 from pneudrive.repr_tables import Card, Shown
 from pneudrive.signals.motion import Stroke, middle, speed_levels, speeds_differ, straight_line
@@ -85,7 +86,7 @@ class Level(Shown):
 
     @property
     def ambient_pressure_pa(self) -> float:
-        """Absolute pressure around the rod."""
+        """Absolute pressure around the rod, in Pa."""
         return self.motion.recording.ambient_pressure_pa
 
     def _card(self) -> Card:
@@ -109,7 +110,7 @@ class Level(Shown):
 
     @property
     def friction_n(self) -> float:
-        """Half the difference of both directions, N. For a single direction, its balance against the motion."""
+        """Half the difference of both directions, in N. For a single direction, its balance against the motion."""
         if len(self.sides) == 2:
             return (self.spreads[1].mean_n - self.spreads[-1].mean_n) / 2
         (only,) = self.sides
@@ -117,13 +118,13 @@ class Level(Shown):
 
     @property
     def offset_n(self) -> float:
-        """Half the sum of both directions, N; NaN for a single direction."""
+        """Half the sum of both directions, in N; NaN for a single direction."""
         paired = len(self.sides) == 2
         return (self.spreads[1].mean_n + self.spreads[-1].mean_n) / 2 if paired else np.nan
 
     @cached_property
     def stderr_n(self) -> float:
-        """Type A standard uncertainty of friction, N, see `chance_n`.
+        """Type A standard uncertainty of friction, in N; see `chance_n`.
 
         If no direction has two strokes, the uncertainty comes from the profile over position.
         """
@@ -167,17 +168,18 @@ class Level(Shown):
         friction, missed = abs(self.friction_n), abs(self.offset_n)  # the offset is NaN if one direction is missing
         unfollowed = missed > max(UNFOLLOWED * abs(pushed), friction, 3.0 * self.u_offset_n) and abs(pushed) > friction
         full = FULL_PRESSURE_PA * max(areas)
+        beyond = [f"a pressure of {highest / 1e5:.3g} bar absolute"] if highest > PRESSURES_PA[1] else []
+        beyond += [] if SLOWEST_M_S <= speed <= SPEEDS_M_S[1] else [f"a speed of {plain(1e3 * speed)} mm/s"]
         seen = {
             "below_ambient": lowest < (1.0 - BELOW_AMBIENT) * ambient,
-            "beyond_usual": highest > PRESSURES_PA[1] or not SLOWEST_M_S <= speed <= SPEEDS_M_S[1],
+            "beyond_usual": bool(beyond),
             "force_not_pressure": any(areas) and unfollowed,
             "friction_beyond_piston": any(areas) and friction > full,
             "no_friction": any(areas) and friction < SMALLEST_N,
         }
         values = {
             "lowest": lowest / 1e5,
-            "highest": highest / 1e5,
-            "speed_m_s": speed,
+            "beyond": " and ".join(beyond),
             "force_n": pushed + self.offset_n,
             "pushed_n": pushed,
             "friction_n": friction,
@@ -216,7 +218,7 @@ class Level(Shown):
 
     @property
     def run(self) -> str:
-        """Label of the run."""
+        """Label ``run`` of the recording, or "1" without this label."""
         return self.motion.recording.labels.get("run", "1")
 
     @property
@@ -237,20 +239,20 @@ class Level(Shown):
 
     @property
     def speed_stderr_m_s(self) -> float:
-        """Standard error of ``speed_m_s``: scatter of the strokes' speeds, the larger one of both directions."""
+        """Standard error of ``speed_m_s`` from the scatter of stroke speeds; the larger one of both directions."""
         speeds = [[r.stroke.speed_m_s for r in self.table.rows if r.stroke.direction == d] for d in (1, -1)]
         errors = (float(np.std(v, ddof=1) / np.sqrt(len(v))) for v in speeds if len(v) > 1)
         return max(errors, default=0.0)
 
     @property
     def gauge_pa(self) -> NamedNumbers:
-        """Mean gauge pressure of the directions in chambers ``a`` and ``b``."""
+        """Gauge pressures in chambers ``a`` and ``b``, averaged over the directions."""
         means = {side: np.mean([getattr(s, f"pressure_{side}_pa") for s in self.sides.values()]) for side in "ab"}
         return {side: float(mean) - self.ambient_pressure_pa for side, mean in means.items()}
 
     @property
     def pressure_pa(self) -> float:
-        """Higher mean gauge pressure of both chambers."""
+        """Mean gauge pressure of the chamber where its magnitude is larger, in Pa."""
         return max(self.gauge_pa.values(), key=abs)
 
     @property
@@ -271,14 +273,14 @@ class Level(Shown):
 
 @dataclass(frozen=True, eq=False, repr=False)  # holds arrays: equal only to itself
 class RecordingResult(RecordedMotion, Shown):
-    """The result of one recording. ``recording`` is cleaned, and has counts of flags."""
+    """Motion, speed levels and stroke counts of one recording. ``recording`` is cleaned, and has counts of flags."""
 
     levels: tuple[Level, ...]
     stroke_use: StrokeUse
 
 
 def level_of(motion: RecordedMotion, index: int, table: Strokes, window_m: Interval) -> Level | None:
-    """Return one speed class. None if no stroke is usable, or the directions have no common bin.
+    """Evaluate one speed class. Return None if no stroke is usable, or the directions have no common bin.
 
     Parameters
     ----------

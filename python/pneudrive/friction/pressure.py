@@ -3,14 +3,14 @@
 Both results are computed from a table of points, with a row for each speed level of each recording. Names are in
 `recording`, `seal` and `run`.
 
-The higher gauge pressure of both chambers is `pressure_pa`, Pa. The mean speed of both directions is `speed_m_s`, with
-the scatter of the strokes' speeds in `speed_stderr_m_s`, m/s.
+`pressure_pa` (Pa) is the higher gauge pressure of both chambers. `speed_m_s` (m/s) is the mean speed of both
+directions, and `speed_stderr_m_s` the standard error of that mean from the scatter of the strokes.
 
-Friction is `friction_n`, with its expanded uncertainty U (k = 2) in `expanded_n`, N. `offset_n` is NaN without both
-directions. The weight along the axis is `weight_n`, N.
+`friction_n` (N) has the expanded uncertainty U (k = 2) `expanded_n`. `offset_n` is NaN without both directions.
+`weight_n` is the weight along the axis.
 
-Each chamber has a gauge pressure with its standard uncertainty, `gauge_a_pa` and `u_a_pa`, Pa. Its nominal area is
-`area_a_m2`, m2. Columns of chamber b have b in place of a.
+`gauge_a_pa` (Pa) is the gauge pressure of chamber a, `u_a_pa` its standard uncertainty, and `area_a_m2` (m2) the
+nominal area of the chamber. Columns of chamber b have b in place of a.
 """
 
 from __future__ import annotations
@@ -94,7 +94,7 @@ class ClosureFit(Shown):
 
 
 def fit_closures(points: pl.DataFrame) -> list[ClosureFit]:
-    """Fit  F = A_b p_b - A_a p_a + weight + zero  to each group, gauge pressures.
+    """Fit  F = A_b p_b - A_a p_a + weight + zero  to each group, with gauge pressures.
 
     Groups in which no pressure changes by more than 0.2 bar, or with fewer than two points, are left out. If both
     pressures change together, only the net area of both is fitted; if their forces cancel within the sensors'
@@ -160,7 +160,7 @@ def _closure(points: pl.DataFrame) -> ClosureFit | None:
 
 
 def _contradiction(points: pl.DataFrame, residual_n: Array) -> str:
-    """Return "speed" or "recording" if residuals differ between them, by a one-way F-test; otherwise ""."""
+    """Return "speed" or "recording" if residuals differ between speeds or recordings (one-way F-test), else ""."""
     from scipy.stats import f_oneway
 
     points = points.with_columns(residual_n=residual_n)
@@ -199,7 +199,7 @@ def _estimate(value: float, stderr: float, dof: int, unit: str) -> Estimate:
 class RunSpread:
     """Relative standard deviation between runs at one seal and pressure, pooled over all such cells.
 
-    ``cells`` lists (seal, pressure in Pa, smallest, largest friction, relative difference).
+    ``cells`` lists (seal, pressure in Pa, smallest friction, largest friction, relative difference).
     """
 
     relative: float
@@ -211,8 +211,8 @@ class RunSpread:
 class PressureLine(Shown):
     """Friction = intercept + slope * gauge pressure for one seal.
 
-    ``table`` has the points, and ``points`` its rows. ``band_mean_n`` over ``band_pressure_pa`` is the line, shape
-    (41,). ``band_low_n`` and ``band_high_n`` are the 95 % prediction interval of a further run. ``covariance`` belongs
+    ``table`` has the points, and ``points`` its rows. ``band_mean_n`` over ``band_pressure_pa`` is the line (41,).
+    ``band_low_n`` and ``band_high_n`` are the 95 % prediction interval of a further run. ``covariance`` belongs
     to (intercept_n, slope_n_pa), and ``slope_interval_n_pa`` is a 95 % interval. ``basis`` is the source of the spread
     between runs: ``own`` runs, ``pooled`` from other seals, ``unknown``.
     """

@@ -38,7 +38,7 @@ class Statement:
 
 
 def table() -> dict[str, dict[str, str | dict[str, str]]]:
-    """Return topic -> name -> sentence, or its parts text and remedy."""
+    """Return topic -> name -> sentence. A sentence with a remedy is a dict of its text and its remedy."""
     return package_table(__file__, "sentences.toml")
 
 
@@ -51,7 +51,7 @@ IMPOSSIBLE = "negative_friction"  # with the doubts, a flag of values that no ri
 
 
 def flag_findings(raised: Mapping[str, Sequence[str]], count: int) -> list[Finding]:
-    """Return a finding for each raised flag: meaning, recordings, remedy.
+    """Return a finding for each raised flag, with its meaning, the recordings and the remedy.
 
     Parameters
     ----------
@@ -103,7 +103,7 @@ def say(name: str, /, **values: Any) -> Statement:  # noqa: ANN401 - whatever th
 
 
 def named(names: Iterable[str], separator: str = ", ") -> str:
-    """Return the first few of several names as one text, and the number of the others."""
+    """Return the first few names and the number of the others as one text."""
     every = list(names)
     more = [f"and {len(every) - NAMED} more"] if len(every) > NAMED else []
     return separator.join([*every[:NAMED], *more])

@@ -1,4 +1,4 @@
-"""Stick-slip in any motion, and in the strokes of a piston that a rig moves through a spring."""
+"""Breakaway peaks after reversals, and stick-slip of a motion or of a piston that a rig moves through a spring."""
 
 from __future__ import annotations
 
@@ -32,14 +32,16 @@ SOUGHT_SHARE = 0.25
 # The offset at the turn is extrapolated from a line between these fractions of the travel.
 OFFSET_FROM = (0.1, 0.35)
 FEWEST_BINS = 3
+# Samples that noise may have made the largest one: those less than this number of its standard deviations lower.
+NEAR_TOP = 3.0
 
 
 @dataclass(frozen=True)
 class ReversalPeak:
     """Largest friction after one reversal.
 
-    ``friction_n`` is the peak without the offset. ``flags`` names faults of the peak: ``undersampled``,
-    ``pressure_transient``, ``inertia``, ``gap``, ``no_peak``.
+    ``friction_n`` is the peak without the offset and without the mean excess of the noise. ``flags`` names faults of
+    the peak: ``undersampled``, ``pressure_transient``, ``inertia``, ``gap``, ``no_peak``.
     """
 
     direction: int
@@ -51,7 +53,7 @@ class ReversalPeak:
 def find_reversal_peaks(
     recording: Recording, strokes: Sequence[motion.Stroke], balance_n: Array, profile: Profile
 ) -> dict[int, ReversalPeak]:
-    """Find the peak after each reversal at which one of ``strokes`` begins, by the number of the stroke.
+    """Return number of the stroke -> peak, for each reversal at which one of ``strokes`` begins.
 
     Parameters
     ----------
@@ -64,10 +66,12 @@ def find_reversal_peaks(
     profile
         Profile of the same level. Its offset is removed, see `offset_line`.
     """
+    from scipy.special import ndtri
+
     after = [stroke for stroke in strokes if stroke.start != 0 and stroke.index != 0]
     if (np.isfinite(profile.offset_n) & profile.in_window).sum() < FEWEST_BINS or not after:
         return {}
-    step = motion.middle(np.diff(recording.time_s))
+    step, noise_n = motion.middle(np.diff(recording.time_s)), motion.noise_level(balance_n, quantisation=False)
     noise_pa = [motion.noise_level(p, quantisation=False) for p in (recording.pressure_a_pa, recording.pressure_b_pa)]
     position, time, peaks = recording.position_m, recording.time_s, dict[int, ReversalPeak]()
     for stroke in after:
@@ -96,12 +100,14 @@ def find_reversal_peaks(
         }
         flags = tuple(name for name, is_so in seen.items() if is_so)
         rate_n_s = float(friction[high] - friction[low]) / duration if duration > 0 else np.nan
-        peaks[stroke.index] = ReversalPeak(stroke.direction, float(friction[top]), rate_n_s, flags)
+        near = max(np.sum(friction > friction[top] - NEAR_TOP * noise_n), 1)
+        excess_n = noise_n * ndtri((near - 0.375) / (near + 0.25))  # mean maximum of normal values [blom1958]
+        peaks[stroke.index] = ReversalPeak(stroke.direction, float(friction[top] - excess_n), rate_n_s, flags)
     return peaks
 
 
 def offset_line(profile: Profile, turn_m: float) -> tuple[float, float]:
-    """Fit a line through the offset near a turn: slope, N/m, and intercept at x = 0, N.
+    """Fit a line to the offset near a turn. Return its slope in N/m and its intercept at x = 0 in N.
 
     At the turn, one direction is still in its transient, so that half the sum is not the offset. Far from the turn, the
     offset may differ. Bins in between are used, or those of the window if there are too few.
@@ -115,7 +121,7 @@ def offset_line(profile: Profile, turn_m: float) -> tuple[float, float]:
 
 
 def _pressure_moves_n(recording: Recording, part: slice, noise_pa: Sequence[float]) -> float:
-    """Return the change of the pressure force from the rest before the stroke to the peak, beyond noise, N."""
+    """Return the change in pressure force from the rest before the stroke to the peak, in N, beyond noise."""
     moved = 0.0
     for side, noise in zip("ab", noise_pa, strict=True):
         pressure = getattr(recording, f"pressure_{side}_pa")[part]
@@ -126,7 +132,7 @@ def _pressure_moves_n(recording: Recording, part: slice, noise_pa: Sequence[floa
 
 
 def _inertia_n(recording: Recording, stroke: motion.Stroke) -> float:
-    """Return the force, N, that accelerates the mass beyond the sensor to 80 % of the speed, in at least one sample."""
+    """Return the mean force in N that accelerates the mass beyond the sensor to 80 % of the speed of the stroke."""
     mass = recording.mass_beyond_sensor_kg
     if not mass:
         return 0.0
@@ -212,7 +218,7 @@ def find_stick_slip(time_s: Array, position_m: Array) -> list[StickSlip]:
     """
     time_s, position_m = np.asarray(time_s, dtype=float), np.asarray(position_m, dtype=float)
     if time_s.shape != position_m.shape or time_s.ndim != 1:
-        raise RecordingError("time and position must be one-dimensional and of one length", where="find_stick_slip")
+        raise RecordingError("time and position must be one-dimensional, of equal length", where="find_stick_slip")
     strokes = motion.find_strokes("motion", time_s, position_m)
     parts = [part for stroke in strokes if (part := middle_of(stroke, position_m)) is not None]
     return [measure_stick_slip(time_s[part], position_m[part]) for part in parts]
@@ -228,7 +234,7 @@ def middle_of(stroke: motion.Stroke, position_m: Array) -> slice | None:
 
 
 def measure_stick_slip(time_s: Array, position_m: Array, velocity_m_s: Array | None = None) -> StickSlip:
-    """Measure stick-slip in one section that moves in one direction, shape (n,) each, n at least 3."""
+    """Measure stick-slip in one section of a motion in one direction, from arrays (n,) with n >= 3."""
     duration = float(time_s[-1] - time_s[0])
     distance = float(position_m[-1] - position_m[0])
     direction = 1 if distance >= 0 else -1
@@ -290,7 +296,7 @@ def slip_onsets(stuck: Bools, slipping: Bools) -> list[int]:
 def stroke_slip(recording: Recording, stroke: motion.Stroke) -> tuple[StickSlip, StickSlip | None] | None:
     """Measure the sliding of axis and piston in the middle 80 % of a stroke; None with too few samples.
 
-    The axis may move evenly while the piston behind a soft force sensor does not. If the stiffness is known, the
+    The axis may move steadily while the piston behind a soft force sensor does not. If the stiffness is known, the
     piston's position is the axis position minus the deflection. Otherwise, there is only a result for the axis.
     """
     part = middle_of(stroke, recording.position_m)
@@ -303,7 +309,7 @@ def stroke_slip(recording: Recording, stroke: motion.Stroke) -> tuple[StickSlip,
 
 
 def sliding_of(slips: Sequence[tuple[StickSlip, StickSlip | None]]) -> Row:
-    """Return the evenness of sliding of strokes, by field of `Side`, from axis or piston, whichever is less even."""
+    """Return the fields of `Side` on ripple and stick-slip: of axis or piston, whichever sticks in more strokes."""
     axis, piston = [axis for axis, _ in slips], [piston for _, piston in slips if piston is not None]
     seen = max((axis, piston), key=lambda some: sum(s.found for s in some))
     slipping = bool(seen) and sum(s.found for s in seen) > 0.5 * len(seen)
@@ -317,7 +323,7 @@ def sliding_of(slips: Sequence[tuple[StickSlip, StickSlip | None]]) -> Row:
 
 
 def swing_of(position_m: Array, balance_n: Array, strokes: Sequence[motion.Stroke]) -> float:
-    """Return the usual range of the balance in mid stroke, without its lowest and highest 2 %."""
+    """Return the usual range of the balance in mid stroke, in N, without its lowest and highest 2 %."""
     parts = [part for stroke in strokes if (part := middle_of(stroke, position_m)) is not None]
     return median([float(np.diff(motion.quantiles(balance_n[part], 0.02, 0.98))[0]) for part in parts])
 

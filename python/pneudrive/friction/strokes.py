@@ -60,7 +60,7 @@ class MeasuredStroke:
 
 @dataclass(frozen=True, eq=False)
 class Strokes:
-    """The strokes of a speed class or of a cycle. Their size depends on the number of bins, not of samples.
+    """The strokes of a speed class or of a cycle. Their memory depends on the number of bins, not of samples.
 
     Attributes
     ----------
@@ -76,7 +76,7 @@ class Strokes:
 
     @classmethod
     def of(cls, motion: RecordedMotion, strokes: Sequence[Stroke], window: Interval, grid: Grid) -> Strokes:
-        """Measure the strokes of one speed class or cycle between two positions, m."""
+        """Measure the strokes of one speed class or cycle between the two positions of the window, in m."""
         rows, balance = [], stroke_rows(motion, strokes, grid)
         covered = np.isfinite(balance[:, grid.is_in_window]).mean(axis=1) >= COVERED_SHARE
         for stroke, covers in zip(strokes, covered.tolist(), strict=True):
@@ -91,7 +91,7 @@ class Strokes:
 
     @classmethod
     def joined(cls, tables: Sequence[Strokes]) -> Strokes:
-        """Join the strokes of several parts of a recording, whose grids have equal windows."""
+        """Join the strokes of several parts of a recording. The grids of the parts must have equal windows."""
         first, stop = min(t.grid.first for t in tables), max(t.grid.stop for t in tables)
         padded = [((0, 0), (t.grid.first - first, stop - t.grid.stop)) for t in tables]
         balance = [np.pad(t.balance_n, pad, constant_values=np.nan) for t, pad in zip(tables, padded, strict=True)]
@@ -100,7 +100,7 @@ class Strokes:
         return cls(grid, rows, np.concatenate(balance))
 
     def at(self, rows: Sequence[int]) -> Strokes:
-        """Return some of the strokes."""
+        """Return the strokes with these row numbers."""
         return Strokes(self.grid, tuple(self.rows[i] for i in rows), self.balance_n[list(rows)])
 
     @property
@@ -178,7 +178,7 @@ class Side:
     breakaway_n, dwell_s, loading_rate_n_s : float
         Medians of the preceding reversals. NaN without a usable peak.
     ripple, period_s, step_m : float
-        Standard deviation of speed over its mean; period and travel in stick-slip (NaN without).
+        Standard deviation of speed over its mean; period and travel of one stick-slip (NaN without stick-slip).
     piston_ripple : float
         `ripple` of the piston's speed behind the rig's spring. NaN if the stiffness of the spring is unknown.
     stick_slip : bool
@@ -399,12 +399,12 @@ class RecordedMotion:
 
     @property
     def time_s(self) -> Array:
-        """Times, s."""
+        """Times of the samples, in s."""
         return self.recording.time_s
 
     @property
     def position_m(self) -> Array:
-        """Positions, m."""
+        """Positions of the samples, in m."""
         return self.recording.position_m
 
     @property
@@ -418,12 +418,12 @@ class RecordedMotion:
 
     @cached_property
     def velocity_m_s(self) -> Array:
-        """Slope of the position over a few samples."""
+        """Velocity as the slope of the position over a few samples, in m/s."""
         return local_slope(self.time_s, self.position_m)
 
 
 def balance_of(recording: Recording, *, inertia: bool = True) -> Array:
-    """Return the force balance of each sample, N, optionally without the inertia of the mass beyond the sensor."""
+    """Return the force balance of each sample in N, optionally without the inertia of the mass beyond the sensor."""
     acceleration: Array | float = 0.0
     if inertia and recording.mass_beyond_sensor_kg:
         acceleration = local_slope(recording.time_s, local_slope(recording.time_s, recording.position_m))
@@ -488,7 +488,7 @@ class SourcePaper:
     uses_window: bool = False
 
     def choose(self, motion: RecordedMotion) -> tuple[Bools, Array]:
-        """Return the mask of samples after the first 5 % of each stroke's time and the smoothed balance."""
+        """Return the mask of samples after the first 5 % of each stroke's time, and the smoothed balance."""
         mask = np.zeros(motion.time_s.size, dtype=bool)
         smooth = motion.balance_n.copy()
         for stroke in motion.strokes:
@@ -504,7 +504,7 @@ SAMPLE_CHOICES = {"settled": Settled, "source-paper": SourcePaper}
 
 
 def moving_average(values: Array, count: int) -> Array:
-    """Return the centred mean of ``count`` samples, of fewer at the ends; same shape."""
+    """Return the centred moving average over ``count`` samples, or fewer at the ends, in the same shape."""
     kernel = np.ones(count)
     return np.convolve(values, kernel, "same") / np.convolve(np.ones(values.size), kernel, "same")
 
@@ -536,7 +536,7 @@ class Swing:
         return cls(centres, means, middle, *straight_line(centres[inside], swings[inside])) if middle else None
 
     def share_risen(self, position_m: Array, balance_n: Array, direction: int) -> Array:
-        """Return the progress of the balance from the level of the opposite direction, 0 to 1, with noise."""
+        """Return the completed fraction (with noise) of the change from the balance of the opposite direction."""
         before = self.balance_n[-direction]
         known = np.isfinite(before)
         start = np.interp(position_m, self.position_m[known], before[known])

@@ -39,7 +39,8 @@ class Differentiable:
     command, duration, initial, rtol
         As for `pneudrive.simulate`. The start is fixed.
     vary : sequence of str
-        Numbers of the file: the arguments of the function. In a circuit they have names such as ``"left.bore"``.
+        Numbers of the file that are the arguments of the function. In a circuit they have names such as
+        ``"left.bore"``.
     outputs : sequence of str or Output
         Results of the function: ``"final(position)"``, ``"max(pressure_a)"``, ``"integral(mass_flow_a)"``,
         ``"time_when(position > 0.45 m)"``, ``"samples(position)"``; see `pneudrive.ensemble.outputs`.
@@ -51,7 +52,7 @@ class Differentiable:
     names, units : list of str
         Names and units of the numbers, in the order of the argument.
     start : ndarray, shape (p,)
-        Values of the numbers in the drive, SI.
+        Values of the numbers in the drive, in SI.
     output_names : list of str
         Names of the results, one for each number: samples have names such as ``"position[3]"``.
 
@@ -98,7 +99,7 @@ class Differentiable:
         self.output_names = [one.name + part for one in self._reductions for part in parts.get(one.word, [""])]
 
     def __call__(self, values: ArrayLike) -> Array:
-        """Return the results, shape (k,), for the numbers in SI, shape (p,).
+        """Return the results (k,) for the numbers (p,) in SI.
 
         Raises
         ------
@@ -108,7 +109,7 @@ class Differentiable:
         return self._reduce(self._run(values, derivatives=False))[0]
 
     def jacobian(self, values: ArrayLike) -> Array:
-        """Return the derivatives of the results, shape (k, p). Errors are those of a call."""
+        """Return the derivatives (k, p) of the results. Errors are those of a call."""
         return self.value_and_jacobian(values)[1]
 
     def value_and_jacobian(self, values: ArrayLike) -> ArrayPair:
@@ -116,7 +117,7 @@ class Differentiable:
         return self._reduce(self._run(values, derivatives=True))
 
     def jax(self) -> Any:  # noqa: ANN401 - a function of JAX
-        """Return a function of a JAX array, shape (p,), that returns the results, shape (k,).
+        """Return a function of a JAX array (p,) that returns the results (k,).
 
         The function has a rule for forward differentiation, which JAX transposes for reverse mode. It can be compiled
         and vectorised (``vmap``); members are simulated one after the other.
@@ -151,7 +152,7 @@ class Differentiable:
         return function
 
     def torch(self) -> Any:  # noqa: ANN401 - a function of PyTorch
-        """Return a function of a tensor of doubles, shape (p,), that returns the results, shape (k,)."""
+        """Return a function of a tensor (p,) of doubles that returns the results (k,)."""
         import torch
 
         class TorchRun(torch.autograd.Function):
@@ -201,13 +202,13 @@ class Differentiable:
 
 
 def _sample(one: Reduction, x: Array) -> int:
-    """Return the sample of an extreme, or the one before the first sample at which a condition holds."""
+    """Return the sample of an extreme, or the sample before a condition first holds."""
     if one.word in ("max", "min"):
         return int(x.argmax() if one.word == "max" else x.argmin())
     holds = x > one.level if one.above else x < one.level
     if holds[0] or not holds.any():
         side = "above" if one.above else "below"
-        when = "from the start on" if holds[0] else "never"
+        when = "initially" if holds[0] else "never"
         raise SimulationError(
             f"{one.columns[0]} is {when} {side} {one.level:g}", remedy="Choose a level that the signal passes."
         )
@@ -247,7 +248,7 @@ SOUGHT = {"time_when": _crossing, "max": _extreme, "min": _extreme}
 
 
 def _reduced(one: Reduction, times: Array, x: Array, by: Array) -> ArrayPair:
-    """Return results, shape (k,), and derivatives, shape (k, p), from a signal, shape (n,), and its derivatives."""
+    """Return results (k,) and derivatives (k, p) from a signal (n,) and its derivatives."""
     if one.word == "final":
         return x[-1:], by[-1:]
     if one.word == "samples":

@@ -60,7 +60,7 @@ class Undetermined:
 
 
 class Intervals(dict[str, tuple[float, float]]):
-    """95 % intervals by name, SI. Undetermined values have no interval.
+    """95 % intervals by name, in SI. Undetermined values have no interval.
 
     Every result of a fit uses this type, so that no code can print, write or apply an interval of an undetermined
     value.
@@ -71,7 +71,7 @@ class Intervals(dict[str, tuple[float, float]]):
 
 
 def recording_tables(records: Iterable[Any]) -> list[Plain]:
-    """Return the recordings of a fit for its provenance."""
+    """Return name, hash, file and duration of each recording, for the provenance of a fit."""
     return [{"name": r.name, "sha256": r.sha256, "file": str(r.source or ""), "seconds": r.duration_s} for r in records]
 
 
@@ -128,7 +128,7 @@ class FitFile(_Table):
     Attributes
     ----------
     groups : list of dict
-        Tables of values, those of the drive first: name -> entry.
+        Tables of values (name -> entry); the first table has the values of the drive.
     content : dict
         All tables of the file.
     """
@@ -160,7 +160,7 @@ class FitFile(_Table):
         groups : sequence of str
             Names of the tables with values.
         where, text : str
-            Path and text of the file, for the line of the first wrong key.
+            Path and text of the file; errors name the line of the first wrong key.
 
         Raises
         ------
@@ -203,7 +203,7 @@ HASH_DIGITS = 16
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class Fit(Viewed):
-    """Result of a fit: values with their uncertainty; SI, pressures absolute unless stated.
+    """Result of a fit: values with their uncertainty, in SI; pressures are absolute unless stated otherwise.
 
     Attributes
     ----------
@@ -214,7 +214,7 @@ class Fit(Viewed):
     free : tuple of str
         Order of `covariance`.
     covariance : ndarray, shape (p, p)
-        Covariance of the free values, first order, without directions that the data do not determine.
+        First-order covariance of the free values, without directions that the data do not determine.
     intervals : dict
         Determined free value -> (lower, upper), 95 %. Other values have no interval.
     systematic : dict
@@ -229,7 +229,7 @@ class Fit(Viewed):
     provenance : dict
         Version, hash of the data, options.
     converged : bool
-        False if the search ended early: the values are the best so far.
+        False if the search ended early; the values are then the best so far.
     details : dict
         Name -> further entries of a value in the file, specific to this kind of fit.
     profiler : callable or None
@@ -263,7 +263,7 @@ class Fit(Viewed):
     file: str = field(default="", repr=False)
 
     def __init_subclass__(cls, kind: str = "") -> None:
-        """Take the words of this kind of fit from kinds.toml."""
+        """Read the texts for this kind of fit from kinds.toml."""
         words = {"title": "", "groups": ["values"], "details": {}, "has_profile": True}
         cls.WORDS = words | package_table(__file__, "kinds.toml").get(kind, {})
         cls.KIND, cls.TITLE = kind, cls.WORDS["title"]
@@ -303,7 +303,7 @@ class Fit(Viewed):
 
     @property
     def standard_errors(self) -> NamedNumbers:
-        """Statistical standard error of each free value that has an interval (first order)."""
+        """First-order statistical standard error of each free value that has an interval."""
         every = zip(self.free, np.sqrt(np.maximum(np.diag(self.covariance), 0.0)).tolist(), strict=True)
         return {name: error for name, error in every if name in self.intervals}
 
@@ -321,7 +321,7 @@ class Fit(Viewed):
         return self._correlation(0.0)
 
     def _correlation(self, systematic: ArrayLike) -> Array:
-        """Return the correlation matrix, which independent systematic uncertainties reduce."""
+        """Return the correlation matrix. Independent systematic uncertainties reduce the correlations."""
         spread = np.hypot(np.sqrt(np.maximum(np.diag(self.covariance), 0.0)), systematic)
         out = self.covariance / np.outer(*[np.where(spread > 0.0, spread, np.inf)] * 2)
         np.fill_diagonal(out, 1.0)
@@ -330,8 +330,8 @@ class Fit(Viewed):
     def expanded_uncertainty(self, name: str) -> float:
         """Return U = sqrt(statistical^2 + (2 systematic)^2) of one free value (k = 2).
 
-        The statistical part is the larger of twice the standard error and the larger half of the 95 % interval, which
-        includes the uncertainty of the curve's shape.
+        The statistical part is twice the standard error, or the longer side of the 95 % interval if that is larger. The
+        interval includes the uncertainty of the curve's shape.
 
         Raises
         ------
@@ -350,7 +350,7 @@ class Fit(Viewed):
     def profile(self, names: Sequence[str] | None = None) -> NamedIntervals:
         """Return 95 % intervals by profile likelihood: one value is held while all others are fitted again.
 
-        Undetermined values also have an interval here. Its open ends are infinite, or at the bound of the value.
+        Undetermined values also have an interval here. An open end is infinite, or equals the bound of the value.
 
         Parameters
         ----------
@@ -360,7 +360,7 @@ class Fit(Viewed):
         Returns
         -------
         dict
-            Name -> (lower, upper), SI.
+            Name -> (lower, upper), in SI.
 
         Raises
         ------
@@ -388,7 +388,7 @@ class Fit(Viewed):
     def findings(self) -> tuple[Finding, ...]:
         """Return undetermined values with their remedies, one finding for all values with the same reason."""
         shared: dict[tuple[str, str], list[str]] = {}
-        for one in self.undetermined:
+        for one in (one for one in self.undetermined if isinstance(one, Undetermined)):
             shared.setdefault((one.reason, one.remedy), []).append(one.parameter)
         return tuple(
             Finding(f"{', '.join(names)} cannot be determined: {reason}.", "open", f"Remedy: {remedy}.")
@@ -405,7 +405,7 @@ class Fit(Viewed):
         gauge_b_pa: float | None = None,
         speeds_m_s: Interval | None = None,
     ) -> SlidingCurve:
-        """Return the sliding friction to export, by default at the middle of the measured pressures and all speeds.
+        """Return the sliding friction to export; default: at the middle of the measured pressures, over all speeds.
 
         Raises
         ------
@@ -430,7 +430,7 @@ class Fit(Viewed):
         gauge_b_pa: float | None = None,
         speeds_m_s: Interval | None = None,
     ) -> Exported:
-        """Export friction as another tool's law.
+        """Export the friction as a law of another tool.
 
         Parameters
         ----------
@@ -439,7 +439,7 @@ class Fit(Viewed):
         out : path-like, optional
             File to write.
         gauge_a_pa, gauge_b_pa : float, optional
-            Gauge pressures of the curve. The default is the middle of the measured pressures, and 0 for the fit of a
+            Gauge pressures of the curve. The default is the middle of the measured pressures, or 0 for the fit of a
             drive.
         speeds_m_s : tuple of float, optional
             Lowest and highest speed of the curve; the default is the measured range. Required for the fit of a
@@ -465,10 +465,10 @@ class Fit(Viewed):
         return self.fitted
 
     def report(self, folder: str | Path = "report") -> Path:
-        """Write a page of the fit, report.html with its figures, into a folder, and return its path.
+        """Write a page about the fit (report.html) and its figures into a folder; return the path of the page.
 
-        It shows values with intervals and recordings, undetermined values, and the residuals. A fit from a file has no
-        residuals.
+        The page shows values with intervals and recordings, undetermined values, and residuals. A fit from a file has
+        no residuals.
 
         Raises
         ------
@@ -510,7 +510,7 @@ class Fit(Viewed):
         return (self.values,)
 
     def free_values(self) -> NamedNumbers:
-        """Return all values with a name in `free`: values of the drive, and others such as those of sensors."""
+        """Return all values that can be in `free`: those of the drive, and others such as those of sensors."""
         return {name: value for group in self._groups() for name, value in group.items()}
 
     def _first(self) -> Plain:
@@ -556,7 +556,7 @@ class Fit(Viewed):
 
     @classmethod
     def from_toml(cls, path: str | Path) -> Self:
-        """Read a fit from a file of :meth:`to_toml`, without its data.
+        """Read a fit from a file written by :meth:`to_toml`. The file does not contain the data.
 
         Raises
         ------
@@ -589,7 +589,7 @@ class Fit(Viewed):
 
     @classmethod
     def _present(cls, content: Plain) -> Plain:
-        """Return the tables of a file. Older files have one table for each property of a value."""
+        """Return a file's tables in the present form. Older files have one table for each property of a value."""
         if "provenance" in content or "intervals" not in content:
             return content
         content = {"units": cls.WORDS.get("older_units", {})} | content
@@ -610,7 +610,7 @@ class Fit(Viewed):
         Raises
         ------
         KeyError, ValueError
-            An entry is missing, or the covariance does not fit the values.
+            An entry is missing, or the covariance does not match the values.
         """
         entries = file.entries
         names = tuple(entries if file.covariance is None else file.covariance.names)
@@ -641,17 +641,17 @@ class Fit(Viewed):
     # -- display ----------------------------------------------------------------------------------------
 
     def view(self) -> View:
-        """Return a view: values with intervals, undetermined values, notes, and measured with modelled values."""
+        """Return a view: values with intervals, undetermined values, notes, and measured and modelled values."""
         every = self.compared()
-        caption = (
-            f"Measured values, those of the model, and their difference, which should look like noise: {len(every)}."
-        )
+        caption = f"Measured and modelled values, and their difference, which should look like noise: {len(every)}."
         rows = [cell for name, value in self._shown().items() for cell in self._cells(name, value)]
         known = [replace(row, quantity=row.label) for row in rows if row.interval is not None]
         is_wrong = not self.converged or not getattr(self, "fits", True)
         words = [MODEL_ERROR_WORDS] if self.intervals and self.model_errors else []
+        is_tested = self.statistics.get("degrees_of_freedom") != 0.0 or "untested" not in self.WORDS
+        title = self.WORDS["headline" if is_tested else "untested"]
         return View(
-            self.WORDS["headline"].format(fit=self, s=self.statistics, count=len(self.recordings)),
+            title.format(fit=self, s=self.statistics, count=len(self.recordings)),
             tuple(rows),
             notes=(*self._residual_lines(), *words, *self.notes),
             state="bad" if is_wrong else "open" if self.undetermined else "good",

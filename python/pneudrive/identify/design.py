@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import starmap
 from typing import TYPE_CHECKING
 
@@ -29,8 +29,6 @@ from pneudrive.views import ShownTable, View, Viewed
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Iterator, Sequence
 
-    import xarray as xr
-
 
 # --- Comparison of laws and dependences on pressure by cross-validation over conditions.
 
@@ -44,7 +42,7 @@ CURVED = 0.75
 
 @dataclass(frozen=True, repr=False)
 class Compared(Shown):
-    """Result of one compared law.
+    """Result of one law in a comparison.
 
     Attributes
     ----------
@@ -52,31 +50,30 @@ class Compared(Shown):
     pressure : str or None
         Dependence on pressure.
     fit : FrictionFit
-        Fit to all values.
+        Fit to all values. If all speeds are within a factor of three, without a viscous part.
     error_n, error : float
-        Root mean square of predicted minus measured values of held-out conditions, N, and relative to the friction.
+        Root mean square of predicted minus measured values of held-out conditions, in N and relative to the friction.
     coverage : float
         Fraction of the held-out values within their prediction interval.
     squares : ndarray, shape (folds,)
-        Mean square of each held-out condition, N^2.
+        Mean squared error of each held-out condition, in N^2.
     worst : float
         Largest relative error of a held-out condition's mean.
     worst_at : str
-        That condition in words.
-    viscous : bool
-        Whether a viscous part was fitted. If all speeds are within a factor of three, it is not fitted.
+        Condition with this error, as text.
+
+    The errors of a law are infinite if the values without one of the conditions do not determine it.
     """
 
     name: str
     pressure: str | None
     fit: FrictionFit
-    error_n: float
-    error: float
-    coverage: float
-    squares: Array
-    worst: float
-    worst_at: str
-    viscous: bool
+    error_n: float = np.inf
+    error: float = np.inf
+    coverage: float = np.nan
+    squares: Array = field(default_factory=lambda: np.full(1, np.inf))
+    worst: float = np.nan
+    worst_at: str = ""
 
     @property
     def free(self) -> int:
@@ -102,7 +99,7 @@ class LawComparison(Viewed):
         Number of held-out conditions.
     recommended : Compared
         The simplest law whose held-out error is not larger than the smallest by more than one standard error of their
-        difference.
+        difference. If this law does not follow the values, the simplest law that follows them.
     statements : tuple of str
         Sentences on the recommendation and on the error of a straight line in pressure.
     """
@@ -120,14 +117,14 @@ class LawComparison(Viewed):
         for row in self.rows:
             criteria = (f"{row.fit.statistics[name]:.1f}" for name in ("aicc", "bic"))
             errors = (f"{row.error_n:.3g}", f"{100 * row.error:.1f}", f"{100 * row.coverage:.0f}")
-            rows.append((row.title, str(row.free), *criteria, *errors))
+            rows.append((row.title, str(row.free), *criteria, *(errors if row.error < np.inf else ("–",) * 3)))
         caption = f"held out in turn: each of {self.folds} conditions of {self.held_out}"
         title, *notes = self.statements
         return View(title, notes=tuple(notes), tables=(ShownTable(caption, head, tuple(rows)),))
 
 
 def select_friction_law(
-    friction_map: xr.Dataset,
+    friction_map: sliding.AnyMap,
     laws: Sequence[str] = tuple(sliding.CANDIDATES),
     *,
     pressure: Sequence[str] | None = None,
@@ -140,13 +137,13 @@ def select_friction_law(
 
     Parameters
     ----------
-    friction_map : xarray.Dataset
+    friction_map : xarray.Dataset, path-like or Characterisation
         As for :func:`fit_friction`.
     laws : sequence of str
         ``coulomb``, ``stribeck`` or ``stribeck gaussian``, ``stribeck exponential``, ``stribeck lorentzian``,
         ``stribeck free``.
     pressure : sequence of str, optional
-        Dependences on pressure, each combined with each law. Empty: laws without pressure. Default: with and without
+        Dependences on pressure; each is combined with each law. Empty: laws without pressure. Default: with and without
         pressure, if pressure was varied.
     hold_out : str or sequence of str, optional
         Groups held out together: ``pressure``, ``speed``, ``recording``, a column of the map (``seal``, ``day``,
@@ -164,12 +161,13 @@ def select_friction_law(
     Raises
     ------
     FitError
-        A name is unknown, or there are fewer than three conditions to hold out.
+        A name is unknown, there are fewer than three conditions to hold out, or no law can be tested.
     """
     for name in laws:
         if name not in sliding.NAMES:
             raise FitError(f"the law {name!r} cannot be compared", remedy=nearest(name, sliding.NAMES))
-    data, _, selected = sliding.selected(friction_map, exclude_flags=exclude_flags)
+    friction_map = sliding.map_of(friction_map)
+    data, notes, selected = sliding.selected(friction_map, exclude_flags=exclude_flags)
     forms = _forms(data, pressure)
     if hold_out is None:
         hold_out = "pressure" if pressure_levels(data).max() >= 2 else "speed"
@@ -185,23 +183,30 @@ def select_friction_law(
         raise FitError.of("identify.few_conditions", name=held_out, count=int(folds.max()) + 1)
     wanted = [(name, form) for name in dict.fromkeys(sliding.NAMES[law] for law in laws) for form in forms]
     each = Watch(progress, cancel).each(wanted, "laws fitted, each with every condition left out once")
-    tried = [_compared(name, form, data, folds, selected) for name, form in each]
+    tried = [_compared(name, form, data, folds, notes, selected) for name, form in each]
     rows = [row for row in tried if isinstance(row, Compared)]
     if not rows:
         raise FitError("no law can be compared on this map", value="; ".join(str(row) for row in tried))
     rows, same = _distinct(rows)
     tried += same
     best = min(rows, key=lambda row: row.error_n)
+    if not best.error < np.inf:
+        raise FitError.of("identify.needs_conditions", name=best.title, held_out=held_out)
 
     def is_as_good(row: Compared) -> bool:
         excess = row.squares - best.squares
         return excess.mean() <= excess.std(ddof=1) / np.sqrt(excess.size)
 
-    good = [row for row in rows if is_as_good(row)]
-    recommended = min(good, key=lambda row: (row.free, row.error_n))
-    said = (*_statements(rows, best, recommended, held_out), *(row for row in tried if isinstance(row, str)))
+    tested = [row for row in rows if row.error < np.inf]
+    simple = min(filter(is_as_good, tested), key=lambda row: (row.free, row.error_n))
+    follow = [row for row in rows if row.fit.fits and not simple.fit.fits]
+    # Criteria of laws that follow all values exactly differ only by rounding.
+    recommended = min(follow, key=lambda row: (row.error_n, round(row.fit.statistics["bic"], 1)), default=simple)
+    said = [*_statements(rows, best, simple, recommended, held_out), *(row for row in tried if isinstance(row, str))]
+    if untested := "; ".join(row.title for row in rows if not row.error < np.inf):
+        said.append(sentence("laws", "untested", titles=untested, held_out=held_out))
     ordered = tuple(sorted(rows, key=lambda row: row.error_n))
-    return LawComparison(ordered, held_out, int(folds.max()) + 1, recommended, said)
+    return LawComparison(ordered, held_out, int(folds.max()) + 1, recommended, tuple(said))
 
 
 def _distinct(rows: list[Compared]) -> tuple[list[Compared], list[str]]:
@@ -213,15 +218,11 @@ def _distinct(rows: list[Compared]) -> tuple[list[Compared], list[str]]:
         name = row.name if row.fit.model.stribeck else "coulomb"
         if (name, form) == (row.name, row.pressure) or (name, form) not in asked:
             kept.append(row)
-    words = {
-        "name": "these values do not determine a Stribeck curve: coulomb represents {}",
-        "pressure": "these pressures determine only a straight line: linear represents {} in pressure",
-    }
     notes = []
-    for key, text in words.items():
+    for key in ("name", "pressure"):
         every, shown = (dict.fromkeys(str(getattr(row, key)) for row in some) for some in (rows, kept))
         if lost := ", ".join(name for name in every if name not in shown):
-            notes.append(text.format(lost))
+            notes.append(sentence("laws", f"same_{key}", lost=lost))
     return kept, notes
 
 
@@ -238,12 +239,15 @@ def _forms(data: sliding.Observations, wanted: Sequence[str] | None) -> tuple[st
     return (None, *(forms if any(varied) else ()))
 
 
-def _compared(name: str, form: str | None, data: sliding.Observations, folds: Ints, selected: Plain) -> Compared | str:
-    """Fit and predict, or return the reason why this is not possible."""
+def _compared(
+    name: str, form: str | None, data: sliding.Observations, folds: Ints, notes: list[str], selected: Plain
+) -> Compared | str:
+    """Fit a law and predict the held-out conditions, or return the reason why this is not possible."""
     wide = float(data.speed_m_s.max() / data.speed_m_s.min()) >= SPEED_SPAN
     try:
         wanted = replace(sliding.CANDIDATES[name], viscous=wide)
-        fit = fit_values(wanted, data, pressure=form, options=selected)
+        options = {"pressure_dependence": form is not None} | selected
+        fit = fit_values(wanted, data, pressure=form, notes=notes, options=options)
     except FitError as problem:
         return f"{name} is not compared: {problem.what}"
     error, inside = np.empty(len(data)), np.empty(len(data), dtype=bool)
@@ -254,12 +258,12 @@ def _compared(name: str, form: str | None, data: sliding.Observations, folds: In
         at, rest = data.take(left), data.take(~left)
         try:  # with the model that all values together determine
             chosen, lost = choose_model(plain, rest, pressure=form)
-            found = estimated(with_knee(chosen, rest), rest)
-            without = assembled(fit.model.law, found, {}, lost, [], {"direction": "both"})
-        except FitError as problem:
-            raise FitError.of(
-                "identify.needs_condition", name=name, at=_condition(at), reason=problem.what
-            ) from problem
+        except FitError:  # fewer values are left than this model has parameters
+            return Compared(name, form, fit)
+        if chosen != replace(fit.model, knee_pa=None):
+            return Compared(name, form, fit)
+        found = estimated(with_knee(chosen, rest), rest)
+        without = assembled(fit.model.law, found, {}, lost, [], {"direction": "both"})
         band = without.predict(at.speed_m_s, *at.gauges_pa, stderr_n=at.stderr_n, probability=PROBABILITY)
         error[left] = band.friction_n - at.friction_n
         inside[left] = (band.lower_n <= at.friction_n) & (at.friction_n <= band.upper_n)
@@ -268,16 +272,15 @@ def _compared(name: str, form: str | None, data: sliding.Observations, folds: In
     worst = int(np.argmax(np.abs(means)))
     size_n = rms(error)
     return Compared(
-        name=name,
-        pressure=form,
-        fit=fit,
+        name,
+        form,
+        fit,
         error_n=size_n,
         error=size_n / rms(data.friction_n),
         coverage=float(np.mean(inside)),
         squares=squares,
         worst=float(means[worst]),
         worst_at=_condition(data.take(folds == worst)),
-        viscous=wide,
     )
 
 
@@ -290,14 +293,17 @@ def _condition(at: sliding.Observations) -> str:
     return f"{span(at.speed_m_s, 1e3, 'mm/s')}, chamber a {a}, b {b} gauge"
 
 
-def _statements(rows: list[Compared], best: Compared, recommended: Compared, held_out: str) -> Iterator[str]:
-    coverage = 100 * recommended.coverage
-    yield _sentence("recommended", recommended, held_out=held_out, coverage=coverage)
-    if recommended is not best:
-        yield _sentence("no_better", best)
+def _statements(
+    rows: list[Compared], best: Compared, simple: Compared, recommended: Compared, held_out: str
+) -> Iterator[str]:
+    if recommended is simple:
+        yield _sentence("recommended", recommended, held_out=held_out, coverage=100 * recommended.coverage)
+        yield from [_sentence("no_better", best)] if recommended is not best else []
+    else:
+        yield _sentence("follows", recommended, simple=simple.title, scale=simple.fit.statistics["scale"])
     criteria = [row.fit.statistics["aicc"] for row in rows]
     smallest = rows[int(np.argmin(criteria))]
-    if smallest is not recommended and np.isfinite(criteria).all():
+    if smallest is not recommended and np.isfinite([*criteria, smallest.error]).all():
         yield _sentence("criterion", smallest)
     lines = [row for row in rows if row.pressure == "linear" and row.name == recommended.name]
     gained = bool(lines) and abs(recommended.worst) < CURVED * abs(lines[0].worst)
@@ -350,7 +356,7 @@ class Prior(Shown):
     def of_fit(cls, fit: FrictionFit) -> Prior:
         """Return the prior from the estimates of a fit and their covariance.
 
-        The measurements of the fit are counted.
+        The values of the fit count as earlier measurements.
         """
         centre = fit.coordinates
         to_internal = np.linalg.pinv(fit.model.transforms.jacobian(centre))
@@ -372,7 +378,7 @@ class Prior(Shown):
         return cls(fit.model, points, np.broadcast_to(known, (DRAWS, *known.shape)).copy(), values)
 
     def with_separate_slopes(self) -> Prior:
-        """Return the prior in which chambers that share a slope have a slope each, of which only the mean is known."""
+        """Return the prior with separate slopes for chambers that share one; only the mean of the slopes is known."""
         separate, shared = replace(self.model, chambers=("a", "b")), self.model.names
         source = [shared.index(name if name in shared else f"{name[:-1]}ab") for name in separate.names]
         mean = np.eye(len(shared))[:, source]
@@ -530,7 +536,7 @@ def next_measurements(
     if criterion not in ("D", "I"):
         raise FitError(f"there is no criterion {criterion!r}", rule="D: all parameters; I: the prediction over a range")
     if points is not None and (points < 1 or seconds is not None):
-        raise FitError("points is at least 1, and cannot be combined with seconds", value=f"points = {points}")
+        raise FitError("points must be at least 1, and cannot be combined with seconds", value=f"points = {points}")
     if not np.isfinite(noise) or noise <= 0.0:
         raise FitError.of("identify.no_noise", noise=noise)
     grid = _grid(limits, SPEEDS if seconds is None else SPEEDS_IN_TIME)
@@ -561,7 +567,7 @@ def next_measurements(
 
 
 def _noise(source: FrictionFit | Prior) -> float:
-    """Return the standard deviation of a further measured value, N, from the fit."""
+    """Return the standard deviation of a further measured value in N, from the fit."""
     if isinstance(source, Prior):
         return np.nan
     if source.observations is None:

@@ -1,7 +1,8 @@
-"""Reading of fits of any kind and of sources of an export, and their common range."""
+"""Reading of fits and of sources for an export; range of conditions that two fits have in common."""
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING, get_args
 
 from pneudrive.describe.drive import Drive
@@ -14,10 +15,9 @@ from pneudrive.identify.follow.fit import FollowFit
 from pneudrive.identify.identified import stated
 from pneudrive.identify.static.result import FrictionFit, LawFit
 from pneudrive.identify.volume import RegulatorFit, VolumeFit
+from pneudrive.simulation.trajectory import SUFFIXES
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from pneudrive.arrays import Interval
 
 AnyFit = FrictionFit | LawFit | DriveFit | VolumeFit | Presliding | FollowFit | RegulatorFit
@@ -32,6 +32,8 @@ def read_fit(path: str | Path) -> AnyFit:
     FitError
         The file does not exist, is not TOML, or is not a complete fit.
     """
+    if Path(path).suffix in SUFFIXES:
+        raise FitError.of("identify.table", where=str(path))
     content, _ = toml.read(path, FitError, "pneudrive fit and pneudrive identify write a fit.toml.")
     kind = str(content.get("kind", FrictionFit.KIND))
     if kind not in KINDS:
@@ -45,7 +47,7 @@ def read_source(path: str | Path) -> AnyFit | Drive:
     Raises
     ------
     FitError, DescriptionError
-        The file is neither a fit nor a drive file, or not valid.
+        The file is neither a fit nor a drive file, or it is not valid.
     """
     if str(path).startswith("catalogue:"):
         return Drive.load(path)

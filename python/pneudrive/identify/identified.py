@@ -43,12 +43,12 @@ def number_table(topic: str) -> Plain:
 
 
 def stated(topic: str, key: str, /, **values: object) -> dict[str, str]:
-    """Return the parts of a message, such as what, rule and remedy, with these values."""
+    """Return the parts of a message, such as what, rule and remedy, filled with these values."""
     return {part: text.format(**values) for part, text in sentences(topic)[key].items()}
 
 
 def sentence(topic: str, key: str, /, **values: object) -> str:
-    """Return a sentence of a topic with these values."""
+    """Return a sentence of a topic, filled with these values."""
     return sentences(topic)[key].format(**values)
 
 
@@ -71,7 +71,7 @@ AXES: dict[str, Axis | str] = {"speed_m_s": SPEED, "time_s": "time / s"}
 
 @dataclass(frozen=True)
 class FittedData:
-    """Measured and modelled values, SI, shape (n,) each.
+    """Measured and modelled values in SI, each of shape (n,).
 
     ``x`` and ``y`` name the columns: ``time_s``, ``speed_m_s`` or ``reversal``, and ``position_m``, ``friction_n``, ...
     """
@@ -132,10 +132,11 @@ class Identified:
     Attributes
     ----------
     values : dict
-        Dotted name in the drive file (``friction.coulomb``, ``cylinder.dead_volume.a``) -> SI, pressures absolute.
+        Dotted name in the drive file (``friction.coulomb``, ``cylinder.dead_volume.a``) -> value in SI; pressures are
+        absolute.
     intervals : dict
-        Name -> (lower, upper), SI; infinite for open ends. A value without an interval (half of a sum, if only the sum
-        is determined) gets no provenance.
+        Name -> (lower, upper) in SI; infinite for open ends. A value without an interval (half of a sum, if only the
+        sum is determined) gets no provenance.
     recordings : tuple of str
         Names of the recordings.
     fit : str
@@ -143,7 +144,7 @@ class Identified:
     file : str
         File of the fit, if known.
     model_errors : dict
-        Name -> lower limit of the model error, SI, if known.
+        Name -> lower limit of the model error in SI, if known.
     correlations : dict
         Name -> correlations with other values, by their names.
     """
@@ -246,7 +247,7 @@ def apply_identified(
 
 
 def _with_seals(drive: Drive, names: Iterable[str]) -> Drive:
-    """Return a drive that states the slope over pressure of each force in `names`; a slope that it lacks is zero."""
+    """Return a drive that states the slope over pressure of each force in `names`; missing slopes are set to zero."""
     stated = drive.friction.to_dict().get("pressure", {})
     forces = (name.split(".")[2] for name in names if name.startswith("friction.pressure."))
     missing = {f"friction.pressure.{force}": {"a": "0 N/Pa", "b": "0 N/Pa"} for force in forces if force not in stated}
@@ -254,7 +255,7 @@ def _with_seals(drive: Drive, names: Iterable[str]) -> Drive:
 
 
 def _off_bounds(found: Identified, known: Mapping[str, Written | None]) -> Identified:
-    """Replace values at a bound that a drive does not accept, such as a force of 0 N, by the smallest written value."""
+    """Replace values at a bound that a drive does not accept, such as a force of 0 N, by a value just above it."""
     values = dict(found.values)
     for name, (low, high) in found.intervals.items():
         above = mark.bounds.above if isinstance(mark := known.get(name), Quantity) else None
@@ -273,7 +274,7 @@ def _said(found: Identified, name: str, mark: Written | None) -> dict[str, str]:
 
 
 def _assumed(found: Identified, drive: Drive) -> dict[str, str | float]:
-    """Update assumed parameters of friction after a change of their sources."""
+    """Update the assumed parameters of friction that follow from changed parameters."""
     own = {k.removeprefix("friction."): v for k, v in found.values.items() if k.count(".") == 1}
     changed = {k: v for k, v in own.items() if k in drive.friction.parameters}
     marks = parameter_quantities(drive.friction.entry)
@@ -281,7 +282,7 @@ def _assumed(found: Identified, drive: Drive) -> dict[str, str | float]:
 
 
 def _within_limits(found: Identified, drive: Drive, changed: Keyed) -> Plain:
-    """Set an unidentified force to the identified force if both contradict each other.
+    """Set a force outside the fit to the fitted force if the two contradict each other.
 
     The breakaway force must not be below the Coulomb force.
     """
@@ -301,7 +302,7 @@ def _within_limits(found: Identified, drive: Drive, changed: Keyed) -> Plain:
 
 
 def _way(mark: Written | None) -> tuple[Quantity, str]:
-    """Return unit and suffix of a written value: inner pressures are absolute."""
+    """Return unit and suffix of a written value; pressures in SI are absolute."""
     if isinstance(mark, StatedPressure):
         return Quantity("Pa", "bar"), " abs"
     return mark or Quantity(""), ""
@@ -376,11 +377,11 @@ class Dependences:
     Attributes
     ----------
     source : str
-        Campaign.
+        Name of the campaign.
     notes : tuple of str
         Measured effects that a drive cannot represent, each with the reason; and assumptions.
     sliding : dict
-        ``coulomb`` and ``breakaway`` -> force, N, from the age of a sliding contact. Both a measured sliding law and
+        ``coulomb`` and ``breakaway`` -> force in N from the age of a sliding contact. Both a measured sliding law and
         ``[friction.dwell]`` include this force, so it is subtracted when they are combined.
     intervals : dict
         Dotted name in the drive file -> [value, lower, upper], 95 %, SI.

@@ -57,17 +57,17 @@ class VolumeFit(Fit, kind="volume"):
     Attributes
     ----------
     values : dict
-        Name in the file -> value, SI, pressures absolute.
+        Name in the file -> value in SI; pressures are absolute.
     units : dict
         Name -> SI unit.
     intervals : dict
-        Name -> (lower, upper), 95 %, by profile, of determined values. Empty if the search did not converge.
+        Name of a determined value -> (lower, upper), 95 %, by profile. Empty if the search did not converge.
     undetermined : tuple of Undetermined
         Undetermined values, each with reason and remedy.
     notes : tuple of str
     statistics : dict
-        ``samples``. ``rms.pressure`` and ``noise.pressure``, Pa. ``rms_share.pressure``: relative to the range of the
-        pressure, of the worst recording. ``correlation_time.samples``.
+        ``samples``. ``rms.pressure`` and ``noise.pressure``, Pa. ``rms_share.pressure``: rms of the worst recording,
+        relative to the range of its pressure. ``correlation_time.samples``.
     converged : bool
     provenance : dict
     start : Tank or None
@@ -96,7 +96,7 @@ class VolumeFit(Fit, kind="volume"):
         Warns
         -----
         PneudriveWarning
-            Undetermined values keep the values of the tank. The warning has the error of this combination.
+            Undetermined values keep the values of the tank. The warning states the error of this combination.
         """
         start = self.start if tank is None else tank
         if start is None:
@@ -227,7 +227,7 @@ def _free(
             raise FitError("no parameter is free", remedy='Name free parameters, e.g. free=["line.conductance"].')
         for name in asked:
             if name not in known:
-                raise FitError(f"{name} is not a number of this tank that can be free", remedy=nearest(name, known))
+                raise FitError(f"{name} cannot be a free number of this tank", remedy=nearest(name, known))
         if len(set(asked)) < len(asked):
             raise FitError("a parameter is given twice", value=", ".join(asked))
         return list(asked), []
@@ -431,11 +431,11 @@ def _notes(tank: Tank, solved: Solved, others: list[Solved], tau: float, interru
     if solved.missed:
         notes.append(sentence("notes", "tank_misfit", ratio=max(solved.missed.values())))
     elif tau > CORRELATED:
-        notes.append(f"residuals are correlated over {tau:.0f} samples; intervals are widened for it")
+        notes.append(f"residuals are correlated over {tau:.0f} samples; the intervals allow for this")
     for minimum in others:
         values = zip(minimum.problem.parameters, minimum.values, strict=True)
         words = ", ".join(named_value(p.name, value, p.unit, 3) for p, value in values)
-        notes.append(f"other values fit as well: {words}; the intervals include both; also record with the line shut")
+        notes.append(f"other values fit as well: {words}. The intervals include both: record with the line shut, too")
     return notes
 
 
@@ -454,7 +454,7 @@ DELAYS = np.linspace(0.0, 3.0, 7)  # dead times that are tried, in sampling inte
 
 
 class RegulatorTable(Described):
-    """``[regulator]``: start values of a regulator; `full_pressure` belongs to the command 1."""
+    """``[regulator]``: start values of a regulator; `full_pressure` is the pressure at command 1."""
 
     table_name = "regulator"
     full_pressure: Annotated[Any, StatedPressure()]
@@ -463,7 +463,7 @@ class RegulatorTable(Described):
 
 
 class Regulator(Described):
-    """A pressure regulator between a command of 0 to 1 and a pressure, with start values."""
+    """Model of a pressure regulator from a command of 0 to 1 to a pressure, with start values."""
 
     name: str = "unnamed regulator"
     regulator: RegulatorTable
@@ -475,7 +475,7 @@ class Regulator(Described):
 
     @classmethod
     def load(cls, path: str | Path) -> Regulator:
-        """Read a file."""
+        """Read a regulator from a TOML file."""
         return toml.load(cls.model_validate, path)
 
     def start(self, ambient_pa: float) -> Array:
@@ -518,7 +518,7 @@ class RegulatorFit(Fit, kind="regulator-fit"):
         return tuple(Finding(sentence, "open") for sentence in self.undetermined)
 
     def simulate(self, record: VolumeRecording) -> Array:
-        """Return the pressure of a recording from its command and its first pressure, absolute, Pa."""
+        """Return the absolute pressure in Pa, simulated from command and first pressure of a recording."""
         return 1e5 * _simulate(REGULATOR_SCALES.internal([*self.values.values()]), record, 0.0)
 
     def _residual_lines(self) -> list[str]:
@@ -627,7 +627,7 @@ def _residual(point: Array, records: Sequence[VolumeRecording], dead_s: float = 
 
 
 def _simulate(point: Array, record: VolumeRecording, dead_s: float) -> Array:
-    """Return the pressure, bar: an exact lag step per sample towards the mean of both set pressures."""
+    """Return the pressure in bar; each sample is an exact step of the lag towards the mean of two set pressures."""
     goal = point[0] * np.interp(record.time_s - dead_s, record.time_s, record.opening) + point[1]
     between, step = 0.5 * (goal[1:] + goal[:-1]), np.diff(record.time_s)
     filling, venting = (1.0 - np.exp(-step / lag) for lag in np.exp(point[2:4]))

@@ -62,7 +62,7 @@ class Response:
         for name, i in zip(names, self.ids, strict=True):
             _check(model, name, int(i))
         if model.opt.integrator == mujoco.mjtIntegrator.mjINT_RK4:
-            warn("the model asks for the integrator RK4: mj_step1 and mj_step2 use semi-implicit Euler instead")
+            warn("the model selects the integrator RK4, but mj_step1 and mj_step2 use semi-implicit Euler")
         self._gear = model.actuator_gear[self.ids, 0].copy()
         self._places = _places(model, self.ids)
         self._other = mujoco.MjData(model)  # for lengths at the end of a step
@@ -72,7 +72,7 @@ class Response:
 
     @property
     def lengths(self) -> Array:
-        """Lengths of the actuators at the last evaluated positions, m."""
+        """Lengths of the actuators in m at the last evaluated positions."""
         return self.data.actuator_length[self.ids]
 
     def begin(self) -> None:
@@ -82,7 +82,7 @@ class Response:
         self._is_new = True
 
     def step(self, forces: Array) -> Array:
-        """Step from the present state under these forces, N. Return the lengths at the end, m."""
+        """Step from the present state under these forces in N. Return the lengths in m at the end of the step."""
         model, data = self.model, self.data
         if not self._is_new:
             mujoco.mj_setState(model, data, self._state, self._spec)
@@ -100,7 +100,7 @@ class Response:
         return other.actuator_length[self.ids]
 
     def mobility(self) -> Array:
-        """Return the accelerations of the lengths by the forces, 1/kg, shape (n, n), with closed loops.
+        """Return the accelerations of the lengths per force in 1/kg, shape (n, n), with closed loops.
 
         W = J_a (M^-1 - M^-1 J_e^T (J_e M^-1 J_e^T + R_e)^-1 J_e M^-1) J_a^T, where J_e and R_e are the rows of the
         equality constraints. Contacts and limits are left out.
@@ -126,7 +126,7 @@ class Response:
         return mobility
 
     def gap(self) -> float:
-        """Return the largest residual of an equality constraint at the last evaluated positions, m."""
+        """Return the largest residual in m of an equality constraint at the last evaluated positions."""
         ne = self.data.ne
         return float(np.abs(self.data.efc_pos[:ne]).max()) if ne else 0.0
 
@@ -156,7 +156,7 @@ def _actuator(model: Any, name: str) -> int:  # noqa: ANN401
     at = (model.actuator_trntype == kind) & (model.actuator_trnid[:, 0] == ids[word])
     if np.count_nonzero(at) != 1:
         remedy = f'Add <motor {word}="{name}"/> to <actuator>, or name the actuator.'
-        raise CommandError(f"the {word} {name!r} has {np.count_nonzero(at)} actuators", rule="one", remedy=remedy)
+        raise CommandError(f"the {word} {name!r} has {np.count_nonzero(at)} actuators, not one", remedy=remedy)
     return int(np.argmax(at))
 
 
@@ -180,7 +180,7 @@ def _check(model: Any, name: str, i: int) -> None:  # noqa: ANN401
     elif model.actuator_trntype[i] == mujoco.mjtTrn.mjTRN_TENDON:
         word, losses = "tendon", (model.tendon_frictionloss[at], model.tendon_damping[at])
     if any(map(np.any, losses)):
-        remedy = "Set both to 0: the drive brings its own friction."
+        remedy = "Set both to 0, because the drive already has friction."
         raise CommandError(f"the {word} of {name!r} has frictionloss or damping", remedy=remedy)
 
 
@@ -236,7 +236,7 @@ class StepReport(Viewed):
     trials: float
 
     def view(self) -> View:
-        """Return steps, gaps and work in words."""
+        """Return a view of steps, gaps and work."""
         rows = {
             "steps": f"{self.steps} of {1e3 * self.timestep_s:g} ms, {self.trials:.2f} trials each",
             "gap of the loops": f"{1e6 * self.loop_gap_m:.3g} um",
@@ -261,7 +261,7 @@ class _Axis:
         self.form: Plain = json.loads(described.system.json)
         cylinders = [one for one in self.form["components"] if one.get("friction")]
         if len(cylinders) != 1:
-            raise CommandError(f"{name}: the circuit has {len(cylinders)} cylinders", rule="one at each actuator")
+            raise CommandError(f"{name}: the circuit has {len(cylinders)} cylinders", rule="one cylinder")
         self.cylinder = cylinders[0]
         own = self.cylinder["name"]
         self.joint = next((one for one in self.form["joints"] if f"{own}.rod" in one), [f"{own}.rod"])
@@ -311,7 +311,7 @@ class Actuators:
     """Pneumatic drives at the actuators of a MuJoCo model.
 
     MuJoCo models all masses and weights; masses and inclines of the drives are not used. In each step, the force of a
-    cylinder is constant: the mean of its force along the resulting motion, solved for all cylinders at once. The
+    cylinder is constant. It is the mean force along the resulting motion, solved for all cylinders at once. The
     chambers then advance along this motion. An actuator is a plain force: ``<motor joint="slide"/>``. Its length is the
     position of the cylinder plus `zero`.
 
@@ -439,7 +439,7 @@ class Actuators:
         return self._axes[self.names.index(name)]
 
     def _slopes_at(self, v: Array, until: float) -> list[float]:
-        """Return the derivatives of the mean forces with respect to the velocities, N s/m."""
+        """Return the derivatives in N s/m of the mean forces with respect to the velocities."""
         return [core.velocity_slope(own, until)[1] for core, own in zip(self._cores, v.tolist(), strict=True)]
 
     def step(self) -> None:
@@ -448,7 +448,7 @@ class Actuators:
         Raises
         ------
         SimulationError
-            A drive cannot follow, or no motion closes the step.
+            A drive cannot follow, or the step does not converge.
         """
         h = float(self.model.opt.timestep)
         n = len(self._axes)
@@ -480,8 +480,8 @@ class Actuators:
             v, forces = np.array(speeds), np.array(known)
             self._trials += trials
         else:
-            what = f"no motion closes the step at t = {self.time:.6g} s: {most:.2g} m are left"
-            raise SimulationError(what, remedy="Take a shorter timestep, or softer contacts.")
+            what = f"the step at t = {self.time:.6g} s does not converge: the residual is {most:.2g} m"
+            raise SimulationError(what, remedy="Use a shorter timestep, or softer contacts.")
         for core in self._cores:
             core.accept()
         self._steps += 1
@@ -506,7 +506,7 @@ class Actuators:
         duration: str | float,
         signals: Sequence[str] = SIGNALS,
     ) -> Columns:
-        """Run the model under commands of the drives. Warn of large gaps in closed loops.
+        """Run the model under commands of the drives. Warn about large gaps in closed loops.
 
         Parameters
         ----------
@@ -520,7 +520,7 @@ class Actuators:
         Returns
         -------
         dict
-            ``time_s`` and ``slide.position_m`` and so on: arrays of one value at the start and after each step.
+            ``time_s``, ``slide.position_m`` and so on: arrays with a value at the start and after each step.
         """
         for name, plan in commands.items():
             axis = self._axis(name)
@@ -534,7 +534,7 @@ class Actuators:
         if self._gaps[0] > WIDE_GAP:
             warn(
                 f"the loops of the model open by {1e6 * self._gaps[0]:.3g} um. "
-                'Take a stiffer solref, such as "0.004 1", for its equality constraints'
+                'Use a stiffer solref, such as "0.004 1", for the equality constraints'
             )
         names = ["time_s", *(f"{name}.{signal}" for name in self.names for signal in signals)]
         return dict(zip(names, np.array(rows).T, strict=True))

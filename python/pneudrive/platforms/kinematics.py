@@ -43,7 +43,7 @@ REACH_STEPS, REACH_POINTS = (11, 5), 80
 
 @dataclass(frozen=True)
 class Leg:
-    """The cylinder at a leg.
+    """Cylinder of a leg.
 
     Attributes
     ----------
@@ -92,7 +92,7 @@ class LegDynamics(NamedTuple):
 
 
 class Platform(Viewed):
-    """A platform on legs, in the coordinates of its component: heave, tilt_1, x.
+    """A platform on legs, in the coordinates of its component, such as heave, tilt_1 and x.
 
     Displacements are in m. Tilts are the angles 2 asin(e) in rad, where e is the vector part of the unit quaternion.
     For a 3-RPS, e describes only the tilt, which is applied after a twist about the platform's z axis. The position of
@@ -124,7 +124,7 @@ class Platform(Viewed):
         self.home = starts.angles(core, core.locate(middle[None])[0])[0]
 
     def view(self) -> View:
-        """Return the view of the platform: strokes and loads of legs at half stroke, limits of coordinates, drawing."""
+        """Return strokes and loads of the legs at mid stroke, limits of the coordinates, and a drawing."""
         return upper("platform_view")(self)
 
     @property
@@ -134,23 +134,23 @@ class Platform(Viewed):
 
     @property
     def force_limits(self) -> Array:
-        """Static force of each leg under supply pressure, N, shape (n, 2): against +x, in +x; NaN without supply."""
+        """Static forces in N of each leg at supply pressure, against and in +x, shape (n, 2); NaN without supply."""
         areas = np.array([leg.areas_m2 for leg in self.legs])
         return (self.supply_pa - self.ambient_pa) * areas[:, ::-1] * [-1.0, 1.0]
 
     @property
     def normal_m(self) -> float:
-        """Length of the normal whose tip is traced, m: mean radius of the joints, or 0 if the platform never tilts."""
+        """Length in m of the normal whose tip is traced: mean radius of the joints, or 0 without tilt coordinates."""
         places = np.asarray(self.core.joints[1], dtype=float).reshape(-1, 3)
         return float(np.linalg.norm(places, axis=1).mean()) if "rad" in self.units else 0.0
 
     def traced(self, pose: Pose) -> Array:
-        """Return the traced points, m, shape (m, 3): the tip of the normal, or the origin if it never tilts."""
+        """Return the traced points in m, shape (m, 3): tip of the normal, or the origin without tilt coordinates."""
         frame = self.evaluate(pose)["frame"]
         return np.asarray(frame[:, 0] + self.normal_m * frame[:, 3], dtype=float)
 
     def reach(self) -> Array:
-        """Return the farthest traced point of the workspace in each direction, m, shape (k, 3)."""
+        """Return the farthest traced point of the workspace in each direction, in m, shape (k, 3)."""
         limits = self.workspace().limits.values()
         steps = REACH_STEPS[len(self.legs) > 3]
         axes = np.meshgrid(*(np.linspace(low.value, high.value, steps) for low, high in limits), indexing="ij")
@@ -209,7 +209,7 @@ class Platform(Viewed):
         ----------
         pose : mapping or array
         rates : array, optional
-            Rates of the coordinates, m/s and rad/s.
+            Rates of the coordinates in m/s and rad/s.
         """
         rows = np.atleast_2d(self.pose(pose))
         u = np.zeros_like(rows) if rates is None else np.atleast_2d(np.asarray(rates, dtype=float))
@@ -224,7 +224,7 @@ class Platform(Viewed):
         return np.where(self.is_length, 1.0, 0.5 * np.cos(0.5 * rows))
 
     def inverse(self, pose: Pose) -> Array:
-        """Return the positions of the legs, m.
+        """Return the positions of the legs in m.
 
         Raises
         ------
@@ -241,7 +241,7 @@ class Platform(Viewed):
         return positions
 
     def forward(self, positions: ArrayLike) -> Array:
-        """Return the poses at which the legs have these positions, m.
+        """Return the poses at which the legs have these positions in m.
 
         The search begins at a pose above the frame. For further rows of an array, it begins at the pose of the previous
         row.
@@ -266,8 +266,8 @@ class Platform(Viewed):
             at_rest = np.zeros((1, len(self.legs)))
             found = self.core.evaluate(q[row : row + 1], at_rest)["positions"][0]
             leg = int(np.argmax(np.abs(found - rows[row])))
-            what = f"no pose of {self.name} has {self.legs[leg].name}.position = {1e3 * rows[row, leg]:.6g} mm here"
-            raise CommandError(what, remedy=f"In the nearest pose it is {1e3 * found[leg]:.6g} mm.")
+            what = f"no pose of {self.name} fits {self.legs[leg].name}.position = {1e3 * rows[row, leg]:.6g} mm"
+            raise CommandError(what, remedy=f"In the nearest pose, the position is {1e3 * found[leg]:.6g} mm.")
         return poses.reshape(x.shape)
 
     def jacobian(self, pose: Pose) -> Array:
@@ -276,7 +276,7 @@ class Platform(Viewed):
         return self.evaluate(pose)["jacobian"].reshape(*pose.shape, len(self.legs))
 
     def load(self, pose: Pose) -> Array:
-        """Return the force of each leg in +x that holds the platform at rest, N."""
+        """Return the force in N of each leg in +x that holds the platform at rest."""
         pose = self.pose(pose)
         own = self.evaluate(pose)
         transposed = np.swapaxes(own["jacobian"], -1, -2)
@@ -286,7 +286,7 @@ class Platform(Viewed):
     def dynamics(self, pose: Pose, rates: ArrayLike, accelerations: ArrayLike) -> LegDynamics:
         """Return motion, force and moving mass of each leg along a motion of the platform: the inverse dynamics.
 
-        F = J^-T (M q'' + h), W = J M^-1 J^T, m_i = 1/W_ii. Rods and barrels are in M, friction is not in F.
+        F = J^-T (M q'' + h), W = J M^-1 J^T, m_i = 1/W_ii. M contains rods and barrels. F does not contain friction.
 
         Parameters
         ----------
@@ -312,7 +312,7 @@ class Platform(Viewed):
         )
 
     def core_motion(self, rows: Array, rates: Array, accelerations: Array) -> tuple[Array, Array, Array]:
-        """Return the coordinates of the core and two time derivatives, from those of poses, shape (m, n)."""
+        """Convert poses and two time derivatives to coordinates of the core and their derivatives, shape (m, n)."""
         slopes = self._slopes(rows)
         second = slopes * accelerations - np.where(self.is_length, 0.0, 0.25 * np.sin(0.5 * rows) * rates**2)
         return starts.coordinates(self.core, rows), slopes * rates, second
@@ -327,7 +327,7 @@ class Platform(Viewed):
         return starts.singular_values(self.core, starts.coordinates(self.core, np.atleast_2d(pose))).reshape(pose.shape)
 
     def stiffness(self, pose: Pose, pressures: ArrayLike) -> Array:
-        """Return the stiffness of the platform in its coordinates with shut valves, N/m, N/rad and N m/rad.
+        """Return the stiffness of the platform in its coordinates with closed valves, in N/m, N/rad and N m/rad.
 
         K = J' diag(k) J + sum F_i d2x_i/dq2, with k = kappa (p_a A_a2/V_a + p_b A_b2/V_b) of each leg. The second term
         is the effect of the load that the legs hold at rest.
@@ -336,7 +336,7 @@ class Platform(Viewed):
         ----------
         pose : mapping or array, shape (n,)
         pressures : array, shape (2,) or (n, 2)
-            Absolute pressures in chambers a and b, Pa.
+            Absolute pressures in Pa in chambers a and b.
         """
         pose = self.pose(pose)
         x = self.inverse(pose)
@@ -381,18 +381,18 @@ class Platform(Viewed):
         return PoseLimits({key: (_limit(self, k, -1.0), _limit(self, k, 1.0)) for k, key in each})
 
     def text(self, pose: ArrayLike) -> str:
-        """Return a pose in words."""
+        """Return a pose as text, in mm and degrees."""
         return starts.pose_text(self.core, np.asarray(pose, dtype=float))
 
 
 @dataclass(frozen=True)
 class Limit:
-    """One limit of one coordinate.
+    """Limit of one coordinate.
 
     Attributes
     ----------
     value : float
-        Coordinate at the limit, m or rad.
+        Coordinate at the limit, in m or rad.
     reason : str
         Leg that reaches the end of its stroke, "singular pose", "out of reach" or "none found".
     """
@@ -519,7 +519,7 @@ def motion_of(platform: Platform, columns: Mapping[str, Array]) -> tuple[Array, 
 
 
 def platform_outputs(platform: Platform, columns: Mapping[str, Array]) -> Columns:
-    """Return outputs of a platform along a run that the columns do not contain.
+    """Return further outputs of a platform along a run, which are not columns of the run.
 
     ``tripod.smallest_singular_value`` has no unit. ``tripod.leg_1_force_n`` is the force in +x along leg 1 that carries
     and accelerates platform, payload, rods and barrels: pressures, end stop and external force, minus friction.
@@ -533,7 +533,7 @@ def platform_outputs(platform: Platform, columns: Mapping[str, Array]) -> Column
     ----------
     platform : Platform
     columns : mapping
-        Columns of a run, SI, with the names of a file.
+        Columns of a run in SI, with the names of a file.
 
     Returns
     -------
@@ -565,14 +565,14 @@ def _outputs(platform: Platform, pose: Array, rate: Array, acceleration: Array) 
 
 
 class MovingPlatform(NamedTuple):
-    """Moving platform: positions, m, velocities and accelerations of its points, each of shape (m, 3) or (m, n, 3).
+    """Positions, velocities and accelerations of points of a platform in SI, of shape (m, 3) or (m, n, 3).
 
     Attributes
     ----------
     masses : dict
         Masses from the core, and ``lift``, the acceleration of gravity with opposite sign.
     frame, directions : ndarray, shape (n, 3)
-        Joints on the frame; axes of hinges or guides.
+        Positions of the joints on the frame, and directions of the axes of hinges or guides.
     origin, axes : ndarray
         Position and acceleration of the origin, shape (2, m, 3), and unit vectors of the axes, shape (m, 3, 3).
     turn : ndarray, shape (2, m, 3)
@@ -591,7 +591,7 @@ class MovingPlatform(NamedTuple):
 
     @classmethod
     def of(cls, platform: Platform, q: Array, u: Array, du: Array) -> MovingPlatform:
-        """Return the platform at coordinates of the core, with their first and second rates."""
+        """Return the platform at coordinates `q` of the core, with first and second derivatives `u` and `du`."""
         core = platform.core
         frame, places, directions = (np.asarray(one, dtype=float).reshape(-1, 3) for one in core.joints)
         own = core.evaluate(q, u)
@@ -615,7 +615,7 @@ class MovingPlatform(NamedTuple):
         return self.origin[1][:, None] + np.cross(rate, arms) + np.cross(velocity, np.cross(velocity, arms))
 
     def needed(self) -> ArrayPair:
-        """Return the force, N, and the moment about the origin, N m, that accelerate and carry platform and payload."""
+        """Return force (N) and moment about the origin (N m) that accelerate and carry platform and payload."""
         masses = self.masses
         arms = np.stack([masses["centre"] @ self.axes, masses["payload_at"] @ self.axes], axis=1)
         forces = np.array([masses["mass"], masses["payload"]]) * (self.acceleration(arms) + masses["lift"])
@@ -627,7 +627,7 @@ class MovingPlatform(NamedTuple):
 
 
 def _legs(body: MovingPlatform) -> Array:
-    """Return the forces of the legs on the platform, perpendicular to the legs, N, shape (m, n, 3).
+    """Return the forces in N of the legs on the platform, perpendicular to the legs, shape (m, n, 3).
 
     A leg has the unit vector n and the length l. About its joint on the frame, it has the moment of inertia j and the
     mass moment m. Then l n x f = -d(j n x n')/dt - m n x g, where -g is the acceleration of gravity. A hinge adds a
@@ -661,7 +661,7 @@ def _legs(body: MovingPlatform) -> Array:
 
 
 def _guides(body: MovingPlatform, x: Array, acceleration: Array, force: Array) -> Array:
-    """Return the forces of the carriages on their guides, perpendicular to the guides, N, shape (m, n, 3).
+    """Return the forces in N of the carriages on their guides, perpendicular to the guides, shape (m, n, 3).
 
     An arm is a uniform rod of mass m along the unit vector n. Its ends at carriage and platform have the accelerations
     g_1 and g_2 minus gravity. Its force on the carriage is t n along n, and -m (g_1/3 + g_2/6) perpendicular to n. The
@@ -671,7 +671,7 @@ def _guides(body: MovingPlatform, x: Array, acceleration: Array, force: Array) -
     ----------
     body : MovingPlatform
     x, acceleration, force : ndarray, shape (m, n)
-        Position, m, acceleration, m/s2, and drive force, N, of each carriage.
+        Position in m, acceleration in m/s2 and drive force in N of each carriage.
     """
     guide, carriages, lift = body.directions, body.masses["rods"][:, None], body.masses["lift"]
     arm = body.joints[0] - body.frame - x[..., None] * guide

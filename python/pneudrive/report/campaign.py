@@ -49,7 +49,7 @@ def write_campaign_report(found: CampaignCharacteristics, folder: str | Path) ->
     ----------
     found : CampaignCharacteristics
     folder : path-like
-        An existing folder; figures go into its folder ``figures``.
+        An existing folder; figures go into its subfolder ``figures``.
 
     Returns
     -------
@@ -115,7 +115,7 @@ def _headline(found: CampaignCharacteristics) -> str:
 
 
 def _values(found: CampaignCharacteristics) -> Iterator[ShownValue]:
-    """Return counts, ranges, and each effect with its interval and p-value."""
+    """Yield counts, ranges, and each effect with its interval and p-value."""
     for name in ("cycles", "skipped", "curves", "stops"):
         yield ShownValue(name, name, "value", str(len(getattr(found, name))))
     r = found.ranges
@@ -136,7 +136,7 @@ def _values(found: CampaignCharacteristics) -> Iterator[ShownValue]:
 
 
 def _leading(found: CampaignCharacteristics, values: Sequence[ShownValue]) -> Iterator[ShownValue]:
-    """Return friction at the slowest and the fastest speed, and the main effects."""
+    """Yield friction at the slowest and the fastest speed, and the main effects."""
     named = condition_names(found)
     for c in [c for c in found.curves if c.direction == BOTH][:1]:
         for i in dict.fromkeys(np.flatnonzero(c.measured)[[0, -1]].tolist()):
@@ -151,7 +151,7 @@ def _leading(found: CampaignCharacteristics, values: Sequence[ShownValue]) -> It
 
 def statements(topic: Topic, found: CampaignCharacteristics) -> Blocks:
     """Show statements on the curves of recordings, and effects."""
-    yield from page.view_section(topic.key, replace(found.view(), curves=(), figures=())).blocks
+    yield from page.view_section(topic.key, replace(found.view(), curves=(), figures=(), leading=())).blocks
 
 
 # --- curves, air and pressures ---------------------------------------------------------------------------------------
@@ -252,7 +252,7 @@ def position(topic: Topic, found: CampaignCharacteristics) -> Blocks:
 
 
 def drift(topic: Topic, found: CampaignCharacteristics) -> Blocks:
-    """Show changes over the campaign: control runs, run-in, temperature, zero of the sensor."""
+    """Show the drift over the campaign with its sentinels, and the zero of the sensor."""
     d = found.drift
     if d is None:
         return
@@ -263,7 +263,7 @@ def drift(topic: Topic, found: CampaignCharacteristics) -> Blocks:
 
 
 def drift_figure(found: CampaignCharacteristics) -> Figure:
-    """Draw drift over time with control runs; below, the zero of the sensor if there are zero runs."""
+    """Draw drift over time with the sentinels; below, the zero of the sensor if it was measured several times."""
     d, zero = found.drift, found.zero
     assert d is not None
     order = np.argsort(d.time_s)
@@ -419,7 +419,7 @@ def _laws(s: DwellSeries) -> Iterator[tuple]:
         yield f"{law.form.title}: {law.form.formula}", "; ".join(shapes) or None, slope, law.delta, law.bic - least
 
 
-# --- relaxation and way back -----------------------------------------------------------------------------------------
+# --- relaxation and recovery -----------------------------------------------------------------------------------------
 
 
 def _known(stops: pl.DataFrame, name: str) -> pl.DataFrame:
@@ -444,7 +444,7 @@ def relaxation(found: CampaignCharacteristics) -> Figure:
             seen = cut["recovery_seen_m"].to_numpy()
             right.append(Markers(cut["shown_s"].to_numpy(), seen, look=own._replace(marker="^"), filled=True))
     panels = [Panel(left, y="fall of the force / N") if left else None]
-    panels.append(Panel(right, y=Axis("way back / mm", low=0.0)) if right else None)
+    panels.append(Panel(right, y=Axis("recovery distance / mm", low=0.0)) if right else None)
     return figure_of("relaxation", panels)
 
 
@@ -577,7 +577,7 @@ def comparison_view(c: Comparison) -> View:
     sizes = [of_test[0] for of_test, test in rows if test.different and test.difference is not None]
     findings = findings_of(c.statements)
     return View(
-        title=f"{c.second.name} less {c.first.name}: {c}",
+        title=f"{c.second.name} minus {c.first.name}: {c}",
         rows=values,
         state=worst(findings),
         leading=tuple(replace(v, quantity=f"{v.label}:") for v in sizes[:MOST_LEADING]),
@@ -588,7 +588,7 @@ def comparison_view(c: Comparison) -> View:
 
 
 def _of_test(test: Test, *, repeated: bool) -> list[ShownValue]:
-    """Return the difference of a test with its interval, its probabilities, and whether it is significant.
+    """Return the difference of a test with its interval and p-values, and whether the difference is significant.
 
     If several series of stops have the same test, the note of the series is added to its name.
     """

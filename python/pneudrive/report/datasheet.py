@@ -90,7 +90,7 @@ def characteristic_view(found: xr.Dataset) -> View:
     return View(
         found.attrs["title"],
         leading=values[:MOST_LEADING],
-        notes=(*notes, f"Interval: {found.attrs.get('interval', 'not asked for')}"),
+        notes=(*notes, f"Interval: {found.attrs.get('interval', 'not requested')}"),
         tables=(ShownTable("", ("result", "at", "value", "meaning"), rows),),
         figures=(ShownFigure(kind.name, f"{kind.title}.", figure_of("characteristic", panels)),) if panels else (),
     )
@@ -98,8 +98,10 @@ def characteristic_view(found: xr.Dataset) -> View:
 
 def characteristic_panels(found: xr.Dataset, title: str = "") -> list[Panel]:
     """Draw a panel for each result in the figure of a characteristic."""
-    kind = characteristics()[found.attrs["characteristic"]]
-    return [_panel(found, kind.x, name, title or kind.title) for name in kind.y.split()]
+    kind, title = characteristics()[found.attrs["characteristic"]], title or found.attrs["title"]
+    parts = kind.y.split()  # several: the last word of each distinguishes the panels
+    titles = [f"{title}, {name.rpartition('_')[2]}" for name in parts] if len(parts) > 1 else [title]
+    return [_panel(found, kind.x, name, one) for name, one in zip(parts, titles, strict=True)]
 
 
 def _panel(found: xr.Dataset, x: str, name: str, title: str) -> Panel:
@@ -175,7 +177,7 @@ def write_datasheet(found: Datasheet, path: str | Path) -> Path:
     Raises
     ------
     CommandError
-        Another suffix, a file that cannot be written, or a missing installation of typst.
+        The suffix is unknown, the file cannot be written, or typst is not installed.
     """
     target, view = check_target(path, SUFFIXES), found.view()
     drive, numbers = Topic("datasheet", "drive"), Topic("datasheet", "numbers")
@@ -217,13 +219,13 @@ def sheet_view(found: Datasheet) -> View:
         caption = topics["measured"].texts["pictures"]["measured"]
         figures += [ShownFigure(name, caption, figure) for name, figure in _comparisons(found.measured)]
     tables.append(topics["values"].table(values))
-    beside = "" if found.measured is None else f" beside {'synthetic ' * found.measured.synthetic}recordings"
+    beside = "" if found.measured is None else f", compared with {'synthetic ' * found.measured.synthetic}recordings"
     return View(
         f"{found.drive.name}: datasheet, simulated{beside}",
         state=worst(found.findings) if found.findings else "open",
         leading=tuple(_leading(found)),
         findings=found.findings,
-        notes=(*found.notes, *(f"Read beside: {name}" for name in (found.measured.names if found.measured else ()))),
+        notes=(*found.notes, *(f"Compared with: {name}" for name in (found.measured.names if found.measured else ()))),
         tables=[table for table in tables if table.rows],
         figures=figures,
     )
@@ -235,7 +237,7 @@ def _leading(found: Datasheet) -> Iterator[ShownValue]:
     if square is not None and square.stroke_time.notnull().all():
         for way, time in zip(("out", "back"), square.stroke_time.to_numpy(), strict=True):
             yield ShownValue(f"time {way}", "", f"time {way}", float(time), "s")
-        energy, limit = float(square.end_energy.max()), energy_limit_j(HeldDrive(found.drive).bore_m)
+        energy, limit = float(square.end_energy.max()), energy_limit_j(HeldDrive(found.drive))
         state = "bad" if energy > limit else "good"
         yield ShownValue("impact", "", "impact", energy, "J", limit=limit, state=state)
     if "air" in found.results:
@@ -258,7 +260,7 @@ def _measured_row(number: ComparedNumber) -> tuple[str, ...]:
 
 
 def _comparisons(measured: MeasuredBeside) -> Iterator[tuple[str, Figure]]:
-    """Yield figures of measurement and simulation with their names: the first run and response, and friction."""
+    """Yield name and figure of measurements with their simulation: the first run, the first response, and friction."""
     if measured.validation is not None:
         yield "measured", channel_figure(run_columns(measured.validation.records[0]))
     for response in measured.responses[:1]:

@@ -78,7 +78,7 @@ Part: TypeAlias = "Callable[[Topic, Any], Blocks]"  # of a result: yields the bl
 
 @dataclass(frozen=True)
 class Section:
-    """A section of the report; `synthetic` defaults to that of the report."""
+    """A section of the report. Without a value of `synthetic`, that of the report applies."""
 
     key: str
     title: str
@@ -239,7 +239,7 @@ def by_seal(found: Characterisation) -> dict[str, list[RecordingResult]]:
 
 
 def gauge_bar(level: Level) -> float:
-    """Return the higher gauge pressure of both chambers, mean of both directions, bar."""
+    """Return the higher gauge pressure of both chambers (bar), as the mean of both directions."""
     return level.pressure_pa / 1e5
 
 
@@ -459,13 +459,8 @@ def write_pdf(report: Report, target: Path) -> Path:
 
 def typst_of(report: Report) -> str:
     """Return the typst source of a report. Every text is a literal, so that no text acts as markup."""
-    filters = {"literal": literal, "breakable": _breakable}
+    filters = {"literal": literal, "breakable": lambda text: re.sub(r"([_./])", "\\1\u200b", literal(text))}
     return rendered(TYPST, filters, title=report.title, verdict=report.lines, sections=report.sections)
-
-
-def _breakable(text: str) -> str:
-    """Return a text as a typst string, with possible breaks in long words."""
-    return re.sub(r"([_./])", "\\1\u200b", literal(text))
 
 
 def literal(text: str) -> str:
@@ -505,9 +500,12 @@ def write_fit_report(fit: Fit, folder: str | Path) -> Path:
     """
     data, view = Topic("fit", "data"), fit.view()
     # Recordings and nested tables of the provenance are shown elsewhere.
-    plain = {k: str(v) for k, v in fit.provenance.items() if not isinstance(v, list | tuple | dict)}
-    facts = [*fit.statistics.items(), *plain.items()]
-    rows = [(k, v if isinstance(v, str) else f"{v:.6g}") for k, v in facts]
+    facts = fit.statistics | {k: v for k, v in fit.provenance.items() if not isinstance(v, list | tuple | dict)}
+    rows = []
+    for key, value in facts.items():
+        (size, unit), is_number = quantity(key), isinstance(value, float)
+        text = f"{cell(value / size, '.6g')} {unit}".strip() if is_number else str(value)
+        rows.append((data.texts["words"].get(key, key), text))
     words = [data.text("intervals"), *([] if view.figures else [data.text("none")])]
     recordings = data.listed(fit.recordings, "recordings")
     about = data.section(*words, data.table(rows), *recordings, synthetic=False)

@@ -50,16 +50,16 @@ LOOKS = {name: PenStroke((), cap="butt", **table) for name, table in _LINES.item
 
 
 class PlatformScene(NamedTuple):
-    """A platform at several poses, in px, y down.
+    """A platform at several poses, in px, with y downwards.
 
     Attributes
     ----------
     size : tuple of float
         Width and height.
     lines : list of tuple
-        Part (a key of `LOOKS`), and points of each line, shape (m, k, 2). Lines at rest have m = 1.
+        Part (a key of `LOOKS`) and points of each line, with the shape (m, k, 2). Lines at rest have m = 1.
     labels : list of tuple
-        Text and centre of each label, shape (2,).
+        Text and centre (x, y) of each label.
     path : ndarray, shape (m, 2)
         Origin of the platform.
     """
@@ -75,7 +75,7 @@ def platform_lines(platform: Platform, poses: ArrayLike) -> Iterator[tuple[str, 
 
     Points are in m and have the shape (m, k, 3), or (1, k, 3) for lines at rest.
 
-    The last line is the path of the origin, shape (m, 1, 3).
+    The last line is the path of the origin, with the shape (m, 1, 3).
 
     Parameters
     ----------
@@ -132,7 +132,7 @@ def platform_scene(platform: Platform, poses: ArrayLike) -> PlatformScene:
 
 
 def label_places(joints: Array, middle: Array) -> list[Array]:
-    """Return the centres of joint labels, px, apart from each other.
+    """Return the centres of joint labels in px, so that labels do not overlap.
 
     Parameters
     ----------
@@ -175,7 +175,7 @@ def draw_platform(
     ----------
     platform : Platform
     poses : array, shape (n,) or (m, n), optional
-        Poses of a run, Poses, m and rad. By default every leg is at half of its stroke.
+        One pose or the poses of a run, in m and rad. By default every leg is at half of its stroke.
     path : path-like, optional
         Picture to write: .svg, .png or .pdf.
     dark : bool
@@ -210,11 +210,11 @@ def animate_platform(
     ----------
     platform : Platform
     time : array, shape (m,)
-        Times of the poses, s, increasing.
+        Increasing times of the poses, in s.
     poses : array, shape (m, n)
-        m and rad.
-    path : path-like
-        .mp4, which needs the program ffmpeg, or .gif.
+        Poses, in m and rad.
+        path : path-like
+            .mp4, which needs the program ffmpeg, or .gif.
     dark : bool
         Draw on dark paper.
 
@@ -292,7 +292,7 @@ def scene_drawing(
 
 
 def _paper(scene: PlatformScene, row: int, *texts: tuple[float, float, str]) -> Figure:
-    """Return a figure of the size of a scene. Films need an even number of pixels."""
+    """Return a figure with the size of a scene, rounded because films need an even number of pixels."""
     width, height = (4.0 * round(0.25 * size) / PX_IN for size in scene.size)
     drawing = scene_drawing(scene, row, *texts)
     return Figure([Panel([drawing])], row_in=height, rest_in=0.0, width_in=width, has_margins=False)
@@ -330,7 +330,7 @@ def write_platform_page(platform: Platform, columns: Columns, path: str | Path) 
     ----------
     platform : Platform
     columns : mapping
-        Columns of the run, SI.
+        Columns of the run, in SI.
     path : path-like
         .html.
 

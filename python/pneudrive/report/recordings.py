@@ -20,6 +20,7 @@ from pneudrive.friction.budget import COVERAGE_FACTOR
 from pneudrive.friction.friction_map import ALL_RECORDINGS, MapGroup, bar, group_of, groups_of
 from pneudrive.friction.pressure import MINIMUM_RANGE_PA, NET, ClosureFit, PressureLine
 from pneudrive.friction.sentences import flag_findings
+from pneudrive.identify.static.result import FrictionFit
 from pneudrive.numbers import fixed, plain
 from pneudrive.report import campaign, page
 from pneudrive.report.page import (
@@ -49,7 +50,6 @@ if TYPE_CHECKING:
     from pneudrive.friction.characterisation import Characterisation
     from pneudrive.friction.level import Level, RecordingResult
     from pneudrive.friction.stick_slip import StickSlip
-    from pneudrive.identify.static.result import FrictionFit
     from pneudrive.report.page import Blocks, Fits
     from pneudrive.signals.proposal import Proposal
 
@@ -86,7 +86,7 @@ def write_layout_figure(proposal: Proposal, path: str | Path) -> Path:
     Raises
     ------
     CommandError
-        If the picture cannot be written.
+        The picture cannot be written.
     """
     if proposal.recording is None:
         figure = _columns(proposal)
@@ -158,13 +158,13 @@ def record_figure(
 
 
 def is_open(recording: Recording, side: str) -> bool:
-    """Return whether a chamber was open to ambient: its pressure equals ambient exactly."""
+    """Return whether a chamber was open to ambient, so that its pressure equals ambient pressure exactly."""
     values = getattr(recording, f"pressure_{side}_pa")
     return bool(np.ptp(values) == 0 and abs(values[0] - recording.ambient_pressure_pa) < 1.0)
 
 
 def recorded_rig(recording: Recording) -> Figure:
-    """Draw cylinder, piston, force sensor and servo or hand, with signs."""
+    """Draw cylinder, piston, force sensor, and the servo axis or hand, with the signs."""
     incline = recording.incline_rad
     states = {}
     for side in "ab":
@@ -205,7 +205,7 @@ def recording_view(recording: Recording) -> View:
 MOST_PANELS, MOST_CURVES = 9, 8  # of a figure, of one assembly
 MANY = 60  # points beyond which markers get smaller
 STRIBECK = "stribeck"
-DETERMINED = "Fitted parameters (± half of the 95 % interval); these data do not determine missing parameters"
+DETERMINED = "Determined parameters of a Stribeck curve (± half of the 95 % interval); `pneudrive fit` compares laws"
 UNDETERMINED = "Values that these data cannot determine"
 
 
@@ -275,7 +275,8 @@ def _fitted(fits: Fits) -> tuple[list[Finding], list[ShownTable]]:
         view = fit.view()
         values += [replace(v, label=f"{group}: {v.label}") for v in view.rows if v.label in fit.intervals]
         notes += [Finding(f"{group}: {note}.", "open") for note in fit.notes]
-        for finding in view.findings:
+        notes += [replace(f, text=f"{group}: {f.text}") for f in view.findings if f.state == "bad"]
+        for finding in (f for f in view.findings if f.state != "bad"):
             lost.setdefault(finding, []).append(group)
     head, rows = View("", values).table()
     tables = [ShownTable(DETERMINED, head, rows)] if rows else []
@@ -323,7 +324,7 @@ def speed_figure(groups: list[tuple[MapGroup, list[ShownCurve]]], fits: Fits) ->
 
 
 def recovered(found: Characterisation) -> Array:
-    """Return errors, standard errors and U (k = 2) of simulated recordings, N, shape (3, recordings)."""
+    """Return errors, standard errors and U (k = 2) of simulated recordings in N, with the shape (3, recordings)."""
     rows = []
     for result in found.results:
         truth, levels = result.recording.truth or {}, result.levels
@@ -411,7 +412,8 @@ def _values(found: Characterisation) -> Iterator[ShownValue]:
         values |= {"offset": (level.offset_n, COVERAGE_FACTOR * level.u_offset_n)}
         for name, (value, u) in values.items():
             yield ShownValue(f"{label}.{name}", label, name, value, "N", (value - u, value + u))
-        yield ShownValue(f"{label}.flags", label, "flags", " ".join(level.flags))
+        raised = dict.fromkeys(flag for row in level.rows for flag in row["flags"].split(",") if flag)
+        yield ShownValue(f"{label}.flags", label, "flags", " ".join(raised))
 
 
 def _effects(found: Characterisation) -> Iterator[ShownValue]:
@@ -642,7 +644,7 @@ def recordings_report(found: Characterisation, fits: Fits, curves: CampaignChara
 
 
 def write_report(
-    found: Characterisation, fits: Fits, folder: str | Path, curves: CampaignCharacteristics | None = None
+    found: Characterisation, fits: Fits | FrictionFit, folder: str | Path, curves: CampaignCharacteristics | None = None
 ) -> Path:
     """Write report.html, which loads no other files, and its figures as PNG and SVG.
 
@@ -650,10 +652,10 @@ def write_report(
     ----------
     found : Characterisation
         Result of recordings, real or simulated.
-    fits : mapping
-        Group -> law -> FrictionFit; may be empty.
+    fits : mapping or FrictionFit
+        Group -> law -> FrictionFit; may be empty. Or the fit of all recordings.
     folder : path-like
-        An existing folder; figures go into its folder ``figures``.
+        An existing folder; figures go into its subfolder ``figures``.
     curves : CampaignCharacteristics, optional
         Curves, effects and statements of the recordings, from ``recorded_characteristics``.
 
@@ -667,7 +669,8 @@ def write_report(
     CommandError
         The folder cannot be written to.
     """
-    return recordings_report(found, fits, curves).write(folder)
+    laws = {ALL_RECORDINGS: {fits.law: fits}} if isinstance(fits, FrictionFit) else fits
+    return recordings_report(found, laws, curves).write(folder)
 
 
 SOURCE_NOTE, MOST_LETTERS = "SOURCE.md", 3000
@@ -708,7 +711,7 @@ def measured(topic: Topic, found: Characterisation) -> Blocks:
 
 
 def _sensors(recordings: tuple[Recording, ...]) -> Iterator[tuple]:
-    """Return the range of each channel over all recordings, and its stated accuracy."""
+    """Yield the range of each channel over all recordings, and its stated accuracy."""
     for channel, (name, factor, unit) in Topic("recordings", "recording").texts["channels"].items():
         values = [getattr(r, channel) for r in recordings]
         if channel.startswith("pressure"):
@@ -731,7 +734,7 @@ def _sensors(recordings: tuple[Recording, ...]) -> Iterator[tuple]:
 def _files(found: Characterisation) -> Iterator[tuple]:
     for result in found.results:
         r = result.recording
-        where = f"{r.source.parent.name}/{r.source.name}" if r.source else "simulated" if r.synthetic else "from Python"
+        where = "/".join(r.source.resolve().parts[-2:]) if r.source else "simulated" if r.synthetic else "from Python"
         diameter = np.sqrt(4 * max(r.area_a_m2, r.area_b_m2) / np.pi) * 1e3
         labels = (group_of(r.labels), r.labels.get("run", ""), r.sha256[:16] if r.sha256 else None)
         use, lasts_s = found.stroke_uses[r.name], r.time_s[-1] - r.time_s[0]
@@ -759,7 +762,7 @@ def budget(topic: Topic, found: Characterisation) -> Blocks:
     shown = levels if len(levels) == 1 else [levels[0], levels[-1]]
     assumed = ", ".join(sorted({e.source for level in levels for e in level.budget if e.basis == "assumed"}))
     yield topic.text()
-    yield from (topic.table(_sources(level), recording=level.recording) for level in shown)
+    yield from (topic.table(_sources(v), recording=v.recording, speed_mm_s=1e3 * v.speed_m_s) for v in shown)
     if assumed:
         yield topic.text("assumed", "note", sources=assumed)
 

@@ -174,6 +174,7 @@ Handle: TypeAlias = Any  # of matplotlib, for a legend; None for a mark without 
 PICTURES = (".png", ".svg", ".pdf")
 TINT = 0.15  # opacity of a band in the colour of its curve
 WIDE = 3.0  # ratio of values beyond which an axis of scale "wide" is logarithmic
+RIGHT_ANGLE = 90.0  # degrees; an axis with more, as of a phase, has ticks every 45 or 90 degrees
 FAR_APART = 20.0  # ratio of the largest values of two lines beyond which an axis of scale "far" is logarithmic
 NAME_IN, NAME_PT = 0.09, (3.5, 2.5)  # least distance of the names of points, and their place beside the points
 
@@ -356,6 +357,8 @@ def _scale(axis: Axes, side: str, own: Axis, marks: Sequence[Any]) -> None:
     if largest and max(largest) > FAR_APART * min(largest) > 0.0:
         getattr(axis, f"set_{side}scale")("symlog", linthresh=10.0 ** np.floor(np.log10(min(largest))))
         getattr(axis, f"{side}axis").set_major_formatter(lambda value, _: f"{value:g}")
+    if own.unit == "deg" and every.size and every.max() > RIGHT_ANGLE:
+        getattr(axis, f"{side}axis").get_major_locator().set_params(steps=[1, 4.5, 9, 10])
     if own.names:
         getattr(axis, f"set_{side}ticks")(range(len(own.names)), list(own.names))
         axis.grid(visible=False, axis=side)  # type: ignore[arg-type]

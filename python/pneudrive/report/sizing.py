@@ -27,7 +27,7 @@ from pneudrive.sizing.task import values_of as task_values
 from pneudrive.views import Finding, ShownTable, ShownValue, View
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Mapping
 
     from pneudrive.report.page import Blocks
 
@@ -46,16 +46,24 @@ _KEY = re.compile(r"\[([\w-]+)\]")
 
 def sizing_view(found: SizingResult) -> View:
     """Return the view of a sizing: answer, open checks with remedies, candidates with limits, and time over air."""
-    topic, best, cheaper = Topic("sizing", "candidates"), found.by_cylinder[:WRITTEN], found.cheaper[:WRITTEN]
+    topic, cheaper = Topic("sizing", "candidates"), found.cheaper[:WRITTEN]
+    best = {found.ranked.index(drive) + 1: drive for drive in found.by_cylinder}
+    rows = (
+        (f"{k:02d}.toml", one.part_names, one.needles, ", ".join(one.open_names) or "none") for k, one in best.items()
+    )
     is_open = found.feasible or (found.miss is None and bool(found.provisional))
     tables = (
-        topic.table(((place, drive.part_names, drive.needles) for place, drive in enumerate(best, 1)), "ranking"),
-        _ranges(best or cheaper, Topic("sizing", "limits").say("table")),
+        topic.table(rows, "ranking"),
+        _ranges(best or dict(enumerate(cheaper, 1)), Topic("sizing", "limits").say("table")),
         topic.table(cheaper, "missed", which=topic.say("cheaper" if best else "nearest")),
     )
     return View(
         found.answer,
-        [value for place, drive in enumerate(best, 1) for value in drive_values(drive, place)],
+        [
+            replace(value, label=str(rank))
+            for row, (rank, drive) in enumerate(best.items(), 1)
+            for value in drive_values(drive, row)
+        ],
         state="good" if found.ready else "open" if is_open else "bad",
         leading=tuple(_leading(found)),
         findings=found.findings,
@@ -77,8 +85,9 @@ def _leading(found: SizingResult) -> Iterator[ShownValue]:
     yield ShownValue("rank 1.margin", "best", "margin", 100.0 * best.margin, "%")
 
 
-def _ranges(shown: list[SizedDrive], caption: str) -> ShownTable:
+def _ranges(numbered: Mapping[int, SizedDrive], caption: str) -> ShownTable:
     """Return, for each choice and quantity, the range of 98 % of the samples with limit and margin."""
+    shown = list(numbered.values())
     names = dict.fromkeys(name for drive in shown for name in drive.worst)
     rows = []
     for name in names:
@@ -91,7 +100,7 @@ def _ranges(shown: list[SizedDrive], caption: str) -> ShownTable:
         if words not in names and any(ends):
             rows.append((f"{words}, {unit}", *ends))
     return ShownTable(
-        caption, ("", *(f"{k} {maker_type(d.parts['cylinder'])}" for k, d in enumerate(shown, 1))), tuple(rows)
+        caption, ("", *(f"{k} {maker_type(d.parts['cylinder'])}" for k, d in numbered.items())), tuple(rows)
     )
 
 
@@ -222,7 +231,7 @@ def sizing_sheet(found: SizingResult) -> View:
         leading=tuple(_leading(found)),
         findings=tuple(check.finding for check in found.open_checks),
         notes=(*yearly(found), f"{best.needles}.", topic.say("ports")),
-        tables=(topic.table(order, "order"), _ranges([best], topic.say("ranges"))),
+        tables=(topic.table(order, "order"), _ranges({1: best}, topic.say("ranges"))),
         figures=(topic.figure("sketch", sketch_figure(found)),),
     )
 

@@ -405,7 +405,7 @@ def box_marks(position: int, values: Sequence[float]) -> Iterator[Any]:
 
 
 def tracks_of(found: ControlComparison, along: str) -> Iterator[tuple[ControlledRun, Columns]]:
-    """Yield the first run of each law along a reference that has a file: time, position, reference and error, SI."""
+    """Yield, for each law, its first run with a file along a reference: time, position, reference and error in SI."""
     for law in found.laws:
         run = next((run for run in found.of(law, along) if run.score is not None and run.file.is_file()), None)
         if run is not None:
@@ -461,7 +461,7 @@ def ensemble_view(found: xr.Dataset) -> View:
         rows += [ShownValue(f"{name}, {q}", name, q, text) for q, text in zip(QUANTILES, texts, strict=True)]
         if finite.size < values.size:
             missed = f"{name} has no value in {values.size - finite.size} of {values.size} members"
-            missing.append(Finding(f"{missed}: its row is of the others.", "open"))
+            missing.append(Finding(f"{missed}: its row describes the others.", "open"))
         if finite.size and np.ptp(finite) > 0.0:
             number, edges = np.histogram(finite, BINS)
             middles = 0.5 * (edges[1:] + edges[:-1])

@@ -86,7 +86,7 @@ def _rows(record: Keyed) -> Iterator[ShownValue]:
             unit = "" if percent else "m" if column.endswith("_m") else "Pa"
             yield ShownValue(f"{key}.{name}", label, words, value, unit)
         if found.get("off_s") is not None:
-            yield ShownValue(f"{key}.off", label, "off from s", float(found["off_s"]))
+            yield ShownValue(f"{key}.off", label, "deviates from time, s", float(found["off_s"]))
 
 
 def _tables(content: Keyed) -> Iterator[ShownTable]:

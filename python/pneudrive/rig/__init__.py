@@ -11,11 +11,11 @@ rigs `Reproducible` (begin_cycle, memory, restore) and `Changeable` (levels, cha
     for samples in rig.acquire([Move(0.2, 0.05), Hold(15.0), Move(0.1, 0.05)], Sampling()):
         ...
 
-A simulated rig is a TOML file, each value with its source. `shipped_rigs` lists the files of the package. A file can
-extend another file.
+A simulated rig is a TOML file in which each value has its source. `shipped_rigs` lists the files of the package. A file
+can extend another file.
 
 A new kind of rig needs a function (source, seed, pace) -> Rig and a line in `pneudrive.rig.rig_file.LOADERS`. The
-scheme of an address is the kind of a source. A TOML file has ``kind = "..."``, and a folder is of the kind ``folder``.
+scheme of an address is its kind. A TOML file has the key ``kind``. A folder has the kind ``folder``.
 
 `SimulatedRig` can also be used without a campaign, and is then stateless. `drag` returns the true signals of cycles at
 one speed, `record` the readings of the sensors, and `measure` does both. `sweep` measures over speeds and pressures.

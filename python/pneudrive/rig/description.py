@@ -37,13 +37,13 @@ class AnalogSensor:
     Parameters
     ----------
     low, high : float
-        Range in the unit of the signal; signals outside saturate.
+        Range in the unit of the signal. Signals outside the range saturate.
     bits : int
         Resolution of the converter over the range.
     noise : float
         Standard deviation of the white noise of one sample.
     zero : float
-        Reading at zero, added to every sample.
+        Reading for a zero signal, added to every sample.
     gain_error : float
         Relative error of the gain.
     hysteresis : float
@@ -61,7 +61,7 @@ class AnalogSensor:
     def __post_init__(self) -> None:
         """Check the resolution; the rig file checks the other values."""
         if not 4 <= self.bits <= 32:
-            raise DescriptionError(f"a converter has 4 to 32 bits, got {self.bits}")
+            raise DescriptionError(f"a converter must have 4 to 32 bits, not {self.bits}")
 
     @property
     def step(self) -> float:
@@ -111,7 +111,7 @@ class AbsolutePressure(Quantity):
     """Annotation of a field for an absolute pressure, stored in Pa."""
 
     def read(self, given: object) -> float:
-        """Convert and check."""
+        """Convert and check an absolute pressure."""
         pressure = StatedPressure().read(given)
         if pressure.gauge:
             raise DescriptionError(f'"{given}" is not an absolute pressure', remedy='Write "... abs".')
@@ -123,14 +123,14 @@ class Difference(Quantity):
     """Annotation of a field for a difference of temperatures, in K."""
 
     def read(self, given: object) -> float:
-        """Convert and check."""
+        """Convert and check a difference of temperatures."""
         if not str(given).endswith(" K"):
             raise DescriptionError(f'"{given}" is not a difference of temperatures', rule='in K, e.g. "0.5 K"')
         return super().read(given)
 
 
 def _mark(unit: str, bounds: Bounds) -> Mark:
-    """Return the annotation of a unit: "1" is a pure number, "abs" an absolute pressure, "delta K" a difference."""
+    """Return the annotation of a unit: "1" for a number, "abs" for absolute pressure, "delta K" for a difference."""
     if unit == "abs":
         return AbsolutePressure("Pa", "bar", bounds)
     return Difference("K", "K", bounds) if unit == "delta K" else Quantity("" if unit == "1" else unit, bounds=bounds)
@@ -202,7 +202,7 @@ class Source:
 
 
 def bare(text: str) -> str | float:
-    """Convert quoted pure numbers and percentages to the form of a drive file, without quotes."""
+    """Convert quoted numbers without a unit and quoted percentages to numbers, as in a drive file."""
     plain = text.strip().removesuffix("%").rstrip()
     if not _PURE.match(plain):
         return text
@@ -236,7 +236,7 @@ def rig_schema() -> Plain:
 def _friction(given: Plain, path: Path) -> Friction:
     """Read the friction table, as in a drive file but with a required law."""
     if not isinstance(given.get("law"), str):
-        raise wrong("friction.law", "friction.law is missing", rule='law = "stribeck", without source')
+        raise wrong("friction.law", "friction.law is missing", rule='law = "stribeck", without a source')
     written.read_file(given, "law", "friction", law_of, path)
     return Friction.model_validate(given)
 
@@ -276,7 +276,7 @@ def _plain(name: str, given: Any, sources: dict[str, Source], problems: Problems
     if name == "friction.law":
         if isinstance(given, str):
             return given
-        raise wrong(name, f"{name} takes a name without a source", rule='law = "stribeck", without source')
+        raise wrong(name, f"{name} must be a name without a source", rule='law = "stribeck", without a source')
     if isinstance(given, list) and "." in name:
         return [_plain(f"{name}.{number}", one, sources, problems) for number, one in enumerate(given)]
     if not isinstance(given, dict):
@@ -320,8 +320,8 @@ class RigDescription:
         Friction of the piston in the core's form: law, parameters, pressure in N/Pa per chamber, and other modifiers
         (dwell, relaxation, position, direction).
     tables : Described
-        The tables of `KEYS` in SI, such as ``tables.servo.margin``; None if a key is absent. ``tables.mounting`` has
-        each mounting other than `RIGID`, by its name.
+        The tables of `KEYS` in SI, such as ``tables.servo.margin``. An absent key has the value None.
+        ``tables.mounting`` has each mounting other than `RIGID`, by name.
     sources : dict
         ``table.key`` -> `Source`.
     """
@@ -333,7 +333,7 @@ class RigDescription:
 
     @cached_property
     def areas_m2(self) -> Pair:
-        """Piston areas in chambers a and b."""
+        """Piston areas in chambers a and b, in m2."""
         return piston_areas(self.tables.cylinder.kind, self.tables.cylinder.bore, self.tables.cylinder.rod_diameter)
 
     @property
@@ -353,7 +353,7 @@ class RigDescription:
 
     @cached_property
     def sampling(self) -> Sampling:
-        """Usual sampling of a session."""
+        """Default sampling of a session."""
         s = self.tables.sampling
         return Sampling(int(s.samples_per_stroke), s.burst_rate, s.burst_before, s.burst_after, s.hold_rate)
 
@@ -365,7 +365,7 @@ class RigDescription:
 
     @cached_property
     def pressure_sensor(self) -> AnalogSensor:
-        """Pressure sensor without calibration errors; absolute pressures."""
+        """Pressure sensor for absolute pressures, without calibration errors."""
         s, ambient = self.tables.pressure_sensor, self.ambient_pressure_pa
         return AnalogSensor(ambient - BELOW_ZERO * s.range, ambient + s.range, int(s.bits), s.noise, s.zero)
 
@@ -427,7 +427,7 @@ def _check(tables: Any) -> None:  # noqa: ANN401 - of a class that is made of th
         problems.add(wrong(key, what, rule=rule))
 
     if 2.0 * servo.margin >= cylinder.stroke:
-        refuse("servo.margin", "servo.margin leaves no stroke to move", "0 <= margin < stroke / 2")
+        refuse("servo.margin", "servo.margin leaves no stroke for motion", "0 <= margin < stroke / 2")
     if cylinder.rod_diameter >= cylinder.bore:
         refuse("cylinder.rod_diameter", "cylinder.rod_diameter is not smaller than the bore", "rod_diameter < bore")
     if (servo.bandwidth is None) != (servo.damping_ratio is None):

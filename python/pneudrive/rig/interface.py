@@ -1,7 +1,7 @@
-"""Interface of rigs, with nine methods: for simulated rigs, replays, PLCs and custom code.
+"""Interface of rigs with nine methods, for simulated rigs, replays, PLCs and custom code.
 
-To connect your own hardware, write a class with the methods of `Rig`; a base class is not needed. All numbers are SI,
-and pressures are absolute. x grows as chamber a grows. The force is that of the rig on the piston in +x.
+To connect your own hardware, write a class with the methods of `Rig`; a base class is not needed. All numbers are in
+SI, and pressures are absolute. x grows as chamber a grows. The force is that of the rig on the piston in +x.
 """
 
 from __future__ import annotations
@@ -107,7 +107,7 @@ class Hold:
     shut : bool
         Whether the supply is shut off, so that a leak lowers the pressure.
     weight_n : float
-        Known weight in +x that the operator put on the force sensor, with the drive uncoupled; 0: no weight.
+        Force in N in +x of a known weight on the force sensor, with the drive uncoupled; 0: no weight.
     """
 
     __pydantic_config__: ClassVar = ONLY_KNOWN
@@ -140,7 +140,7 @@ class Sampling:
     burst_before_s, burst_after_s : float
         Duration of a burst before the end and after the beginning of a step.
     hold_rate_hz : float
-        Rate while the axis is at rest, outside the bursts.
+        Sampling rate while the axis is at rest, outside the bursts.
 
     See Also
     --------
@@ -165,7 +165,7 @@ class Samples:
         Time from the start of the cycle, never decreasing.
     position_m, force_n, pressure_a_pa, pressure_b_pa, temperature_k
     step
-        int64, index of the cycle's step (move or hold) of each sample.
+        Index of the step of the cycle (move or hold) in which each sample was taken, int64.
     """
 
     time_s: Array
@@ -202,7 +202,7 @@ class Samples:
             channels = {name: np.array(getattr(given, name), dtype=float) for name in CHANNELS}
             step = np.array(given.step, dtype=np.int64)
         except (AttributeError, TypeError, ValueError) as error:
-            raise RigError("the rig did not return samples", value=str(error), rule="see Samples") from None
+            raise RigError("the rig returned no Samples", value=str(error), rule="see pneudrive.rig.Samples") from None
         lengths = {name: values.shape for name, values in (channels | {"step": step}).items()}
         if len(set(lengths.values())) != 1 or step.ndim != 1:
             raise RigError.of("rig.lengths", value=str(lengths))
@@ -271,9 +271,9 @@ class Envelope:
     separate_pressures : bool
         Whether the chambers can have different pressures.
     temperature_k : (float, float)
-        Range in which measuring continues.
+        Range in which a campaign continues to measure.
     supply_pressure_pa : float
-        Least absolute supply pressure; 0: not monitored.
+        Lowest absolute supply pressure; 0: not monitored.
     expected_friction_n : float
         Largest expected friction, for the check against the force range; 0: unknown.
     home_m : float
@@ -295,7 +295,7 @@ class Envelope:
 
 @dataclass(frozen=True)
 class Identity:
-    """Identity of rig and drive, with the calibration of the sensors; kept with every campaign as ``rig.json``.
+    """Identity of rig and drive, with the calibration of the sensors. Every campaign stores it as ``rig.json``.
 
     Attributes
     ----------
@@ -320,8 +320,8 @@ class Identity:
     labels : dict
         Free text: drive, seal, grease, serial numbers.
     chambers : str
-        ``open``, ``common`` (one regulator, common manifold), ``separate`` (a regulator each) or ``held``
-        (pressures do not change with motion).
+        ``open``, ``common`` (one regulator and a common manifold), ``separate`` (one regulator for each chamber) or
+        ``held`` (pressures do not change with motion).
     pressure_measured_at : str
         ``chamber`` or ``regulator``. At the regulator, the air force cannot be separated from the friction of the seal.
     synthetic : bool
@@ -375,7 +375,7 @@ class Rig(Protocol):
         """Bring the axis to its home position."""
 
     def set_pressure(self, a_pa: float, b_pa: float) -> None:
-        """Bring the chambers to these absolute pressures, Pa; ambient pressure vents a chamber."""
+        """Bring the chambers to these absolute pressures in Pa. For ambient pressure, the chambers are vented."""
 
     def move(self, to_m: float, speed_m_s: float) -> None:
         """Move from rest to rest without recording."""
@@ -411,14 +411,14 @@ class Reproducible(Protocol):
 
 @runtime_checkable
 class Changeable(Protocol):
-    """Protocol of rigs that accept the operator's manual changes: simulated rigs."""
+    """Protocol of simulated rigs, which also carry out the manual changes of an operator."""
 
     def levels(self) -> dict[str, tuple[str, ...]]:
         """Return the levels of each factor with fixed levels. Other factors accept any name."""
         ...
 
     def change(self, levels: dict[str, str]) -> None:
-        """Set mounted factor levels: factor -> level, as in `Cycle.levels`. Omitted factors are unchanged."""
+        """Set the levels of mounted factors: factor -> level, as in `Cycle.levels`. Omitted factors stay unchanged."""
 
 
 def plain(value: Any) -> Any:  # noqa: ANN401 - any plain data
@@ -429,7 +429,7 @@ def plain(value: Any) -> Any:  # noqa: ANN401 - any plain data
 
 
 def as_json(value: Any) -> Any:  # noqa: ANN401 - any plain data
-    """Return data as read back from JSON, so that a resumed campaign equals an uninterrupted one."""
+    """Return data in the form that is read back from JSON, so that a resumed campaign equals an uninterrupted one."""
     return json.loads(json.dumps(value, default=plain))
 
 
@@ -444,7 +444,7 @@ def read_table(
     path: str = "",
     **usual: Any,  # noqa: ANN401 - values of absent keys
 ) -> tuple[T, list[str]]:
-    """Make an object of a class from a table, whose values are checked by the annotations of the class.
+    """Make an object of a class from a table. The annotations of the class check the values.
 
     Parameters
     ----------
@@ -467,12 +467,12 @@ def read_table(
     Raises
     ------
     PneudriveError
-        The data are not a table, a key is missing, or its value is invalid.
+        The data are not a table, a key is missing, or a value is not valid.
     """
     if not isinstance(data, dict):
         raise kind("this is not a JSON object", where=where)
     names = [field.name for field in fields(cls)]  # type: ignore[arg-type] - a dataclass
-    notes = [f"{path}{n} is ignored, as it is not a known key. {nearest(n, names)}" for n in data if n not in names]
+    notes = [f"{path}{n} is ignored: it is not a known key. {nearest(n, names)}" for n in data if n not in names]
     try:
         known = {name: value for name, value in present(data).items() if name in names}
         return _adapter(cls).validate_python(usual | known), notes

@@ -45,7 +45,7 @@ def steady_friction_n(
     gauges_pa: Pair = (0.0, 0.0),
     position_m: float = 0.0,
 ) -> Array:
-    """Return the friction of steady sliding, N, with the sign of the velocity.
+    """Return the friction of steady sliding in N, with the sign of the velocity.
 
     Parameters
     ----------
@@ -55,12 +55,12 @@ def steady_friction_n(
     gauges_pa : (float, float)
         Gauge pressures in the chambers.
     position_m : float
-        Position, m, for friction that depends on it.
+        Position in m, for friction that depends on the position.
 
     Returns
     -------
     ndarray
-        Friction, N, one-dimensional.
+        Friction in N, one-dimensional.
     """
     velocity = np.atleast_1d(np.asarray(velocity_m_s, dtype=float))
     others = dict(friction)
@@ -75,7 +75,7 @@ def core_rig(
     friction: Plain | None = None,
     temperature_k: float | None = None,
 ) -> Dragged:
-    """Return the rig with its chambers or regulators at these absolute pressures, Pa.
+    """Return the rig with its chambers or regulators at these absolute pressures in Pa.
 
     Parameters
     ----------
@@ -84,7 +84,7 @@ def core_rig(
     friction : dict, optional
         Result of `core_friction`; the default is the rig's friction.
     temperature_k : float, optional
-        Temperature of the room, K; the default is that of the rig file.
+        Temperature of the room in K. Default: that of the rig file.
     """
     area_a, area_b = d.areas_m2
     servo = d.tables.servo
@@ -178,11 +178,11 @@ class Past:
     pressure_a_pa, pressure_b_pa : float
         Set pressures.
     state : list of float or None
-        State of the core. None: at rest, with an unstressed sensor and the chambers at their set pressures.
+        State of the core. None: at rest, with an unloaded sensor and the chambers at their set pressures.
     shown : dict
         Last true values of the channels.
     levels : dict
-        Mounted factor levels.
+        Levels of the mounted factors.
     changes : dict
         Number of changes of each factor by hand.
     """
@@ -202,7 +202,7 @@ class Past:
 
     @classmethod
     def from_dict(cls, data: Plain) -> Past:
-        """Return the history from plain data, exact to the bit.
+        """Return the history from plain data, with exactly the same numbers.
 
         Raises
         ------
@@ -217,12 +217,12 @@ class Past:
         raise RigError.of("rig.no-memory", value=data)
 
     def room_k(self, d: RigDescription, after_s: Numbers = 0.0) -> Numbers:
-        """Return the temperature of the room, K, now or a number of seconds later."""
+        """Return the temperature of the room in K, now or a number of seconds later."""
         turn = 2.0 * np.pi * (self.clock_s + after_s) / d.tables.thermal.room_period
         return d.tables.ambient.temperature + d.tables.thermal.room_amplitude * np.sin(turn)
 
     def force_drift_n(self, d: RigDescription, after_s: Numbers = 0.0) -> Numbers:
-        """Return the drift of the force sensor's zero, N, with temperature and time."""
+        """Return the drift in N of the force sensor's zero with temperature and time."""
         warmer = self.room_k(d, after_s) - d.tables.ambient.temperature
         sensor = d.tables.force_sensor
         return sensor.zero_drift_temperature * warmer + sensor.zero_drift_time * (self.clock_s + after_s)
@@ -232,7 +232,7 @@ _PAST = TypeAdapter(Past)
 
 
 def stream(seed: int, *words: str) -> np.random.Generator:
-    """Return a generator of random numbers that depends only on the given words."""
+    """Return a generator of random numbers that depends only on the seed and the words."""
     digest = hashlib.sha256("\0".join(words).encode()).digest()
     return np.random.default_rng([seed, int.from_bytes(digest[:8], "little")])
 
@@ -329,7 +329,7 @@ class Machine:
         return table
 
     def steady_n(self, past: Past, friction: Plain, velocity_m_s: float) -> float:
-        """Return the steady friction at a velocity, the set pressures and the present position, N; positive."""
+        """Return the absolute steady friction in N at a velocity, the set pressures and the present position."""
         ambient = self.d.ambient_pressure_pa
         gauges = (past.pressure_a_pa - ambient, past.pressure_b_pa - ambient)
         return float(abs(steady_friction_n(friction, velocity_m_s, gauges, past.commanded_m)[0]))
@@ -342,7 +342,7 @@ class Machine:
         times: Array,
         look: Callable[[float], object] | None = None,
     ) -> tuple[Past, Columns]:
-        """Return the history after one step, and its true signals. An exception in `look`, called regularly, ends it.
+        """Return the history after one step, and the true signals. `look` is called regularly and may raise an error.
 
         Raises
         ------

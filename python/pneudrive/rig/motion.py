@@ -1,6 +1,6 @@
-"""Jerk-limited motion of the linear servo, and the times of samples: uniform over each step, denser at its ends.
+"""Jerk-limited motion of the linear servo, and sample times, uniform over each step and denser at its ends.
 
-A motion is a list of durations with a constant jerk in each. Position is then a cubic in each segment, so that
+A motion is a list of segments with duration and constant jerk. The position is a cubic in each segment, so that
 limits, continuity and the end state hold exactly, and the core can integrate piecewise without events.
 """
 
@@ -42,16 +42,16 @@ class MotionLimits:
                 raise CommandError(f"servo limit {name} = {value} must be positive and finite")
 
     def ramp_time_s(self, speed_m_s: float) -> float:
-        """Return the shortest time from rest to `speed_m_s`, s."""
+        """Return the shortest time in s from rest to `speed_m_s`."""
         a, j = self.acceleration_m_s2, self.jerk_m_s3
         return 2.0 * (speed_m_s / j) ** 0.5 if speed_m_s * j < a * a else a / j + speed_m_s / a
 
     def ramp_distance_m(self, speed_m_s: float) -> float:
-        """Return the distance covered between rest and `speed_m_s`, m."""
+        """Return the distance in m covered between rest and `speed_m_s`."""
         return 0.5 * speed_m_s * self.ramp_time_s(speed_m_s)
 
     def top_speed_m_s(self, distance_m: float) -> float:
-        """Return the largest speed that a move from rest to rest over `distance_m` can reach, m/s."""
+        """Return the largest speed in m/s that a move from rest to rest over `distance_m` can reach."""
         a, j = self.acceleration_m_s2, self.jerk_m_s3
         speed = (0.25 * j * distance_m**2) ** (1.0 / 3.0)
         if speed * j >= a * a:  # the acceleration limit is reached: v (a/j + v/a) = distance
@@ -92,7 +92,7 @@ class Motion:
 
     @property
     def duration_s(self) -> float:
-        """Total time, s."""
+        """Total time in s."""
         return float(self.durations_s.sum())
 
     def knots(self) -> Array:
@@ -105,7 +105,7 @@ class Motion:
         return out
 
     def at(self, time_s: ArrayLike) -> tuple[Array, Array, Array]:
-        """Return position, velocity and acceleration at `time_s`, m, m/s, m/s2; constant beyond the ends."""
+        """Return position (m), velocity (m/s) and acceleration (m/s2) at `time_s`; constant beyond the ends."""
         knots = self.knots()
         time = np.clip(np.asarray(time_s, dtype=float), 0.0, knots[0, -1])
         i = np.searchsorted(knots[0], time, side="right") - 1
@@ -163,7 +163,7 @@ def move(distance_m: float, speed_m_s: float, limits: MotionLimits, start_m: flo
 
 
 def dwell(duration_s: float, start_m: float = 0.0) -> Motion:
-    """Return a rest of `duration_s`, s."""
+    """Return a rest of the duration `duration_s` in s."""
     return Motion(np.array([duration_s]), np.array([0.0]), start_m)
 
 
@@ -223,9 +223,9 @@ def cycles(low_m: float, high_m: float, speed_m_s: float, limits: MotionLimits, 
     """
     distance = high_m - low_m
     if count < 1:
-        raise CommandError(f"at least one cycle is needed, got {count}")
+        raise CommandError(f"the number of cycles is {count}, but must be at least 1")
     if not 0.0 < speed_m_s < np.inf:
-        raise CommandError(f"speed = {1e3 * speed_m_s:g} mm/s of a cycle is not positive and finite")
+        raise CommandError(f"the speed of a cycle, {1e3 * speed_m_s:g} mm/s, must be positive and finite")
     ramps = 2.0 * limits.ramp_distance_m(speed_m_s)
     if ramps > distance:
         top = 1e3 * limits.top_speed_m_s(distance)
@@ -243,7 +243,7 @@ def step_times(duration_s: float, moving: bool, sampling: Sampling) -> Array:
     Parameters
     ----------
     duration_s : float
-        Duration of the step, s; zero gives no samples.
+        Duration of the step in s; zero gives no samples.
     moving : bool
         True: move, with uniform samples. False: hold, with a separate rate.
     sampling : Sampling
@@ -251,7 +251,7 @@ def step_times(duration_s: float, moving: bool, sampling: Sampling) -> Array:
     Returns
     -------
     ndarray, shape (n,)
-        Times, s, ascending from zero.
+        Times in s, ascending from zero.
 
     Examples
     --------

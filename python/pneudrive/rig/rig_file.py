@@ -125,11 +125,11 @@ class LimitsTable(Described):
     def _home_inside(self) -> Self:
         low, high = self.position_m
         if self.home_m is not None and not low <= self.home_m <= high:
-            raise wrong("limits.home", "limits.home lies outside limits.position")
+            raise wrong("limits.home", "limits.home is outside limits.position")
         return self
 
     def made(self, ambient_pa: float) -> Envelope:
-        """Return the table as the envelope of a rig, pressures absolute."""
+        """Return the table as the envelope of a rig, with absolute pressures."""
         found: dict[str, Any] = {"home_m": self.position_m[0]} | self.stored()
         supply = found.pop("supply_pressure", None)
         found["pressure_pa"] = absolute(self.pressure_pa, ambient_pa)

@@ -73,7 +73,7 @@ class SimulatedRig:
 
     @classmethod
     def default(cls) -> SimulatedRig:
-        """Return the rig with the package's default values, all assumed."""
+        """Return the rig with the default values of the package."""
         return cls(read_description(DEFAULT))
 
     @classmethod
@@ -202,7 +202,7 @@ class SimulatedRig:
     def true_friction(
         self, speed_m_s: float | Array, pressure_a_pa: float | None = None, pressure_b_pa: float | None = None
     ) -> Array:
-        """Return the friction of steady sliding at speeds and absolute pressures (None: ambient), at mid stroke, N."""
+        """Return the friction in N of steady sliding at mid stroke. Pressures are absolute, by default ambient."""
         d = self.description
         a, b = (0.0 if p is None else p - d.ambient_pressure_pa for p in (pressure_a_pa, pressure_b_pa))
         friction = steady_friction_n(core_friction(d), speed_m_s, (a, b), 0.5 * d.stroke_m)
@@ -306,7 +306,7 @@ class Instruments:
         rng : numpy.random.Generator or None
             Generator of the noise; None: no noise.
         weight_n : float
-            Weight on the force sensor instead of the drive, N.
+            Weight in N that is on the force sensor instead of the drive.
 
         Returns
         -------
@@ -351,7 +351,7 @@ class _Run:
 
 
 class RigSession:
-    """Session of a simulated rig: `Rig`, `Reproducible` and `Changeable`.
+    """Session of a simulated rig, with the methods of `Rig`, `Reproducible` and `Changeable`.
 
     Noise depends only on the seed and the key of the cycle. Drifting quantities depend on the history, which `memory`
     returns: clock, distance and temperature of the seal, room temperature, zero of the force sensor, contact age, and
@@ -436,7 +436,7 @@ class RigSession:
         self.move(self.limits().home_m, HOME_SPEED_M_S)
 
     def set_pressure(self, a_pa: float, b_pa: float) -> None:
-        """Bring the chambers to these absolute pressures, Pa; ambient pressure vents a chamber."""
+        """Bring the chambers to these absolute pressures in Pa. For ambient pressure, the chambers are vented."""
         limits = self.limits()
         low, high = limits.pressure_pa
         for name, value in (("a", a_pa), ("b", b_pa)):
@@ -500,7 +500,7 @@ class RigSession:
         return {"mounting": tuple({RIGID: None, **self.rig.description.tables.mounting})}
 
     def change(self, levels: dict[str, str]) -> None:
-        """Set mounted factor levels. A new seal or drive starts without run-in."""
+        """Set the levels of mounted factors. A new seal or drive starts without run-in."""
         self._idle()
         known = self.levels()
         for factor, level in levels.items():
@@ -616,7 +616,7 @@ class RigSession:
             raise RigError("the axis was stopped", remedy="Repeat the cycle.")
 
     def _halt(self, run: _Run | None) -> None:
-        """End an acquisition: brake from the present motion of the axis."""
+        """End an acquisition, and brake from the present motion of the axis."""
         if run is None or not run.alive:
             return
         run.alive = False

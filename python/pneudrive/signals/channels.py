@@ -53,7 +53,7 @@ class FileChannel:
     slope, zero : float
         SI value = slope * displayed number + zero, pressures absolute. NaN if the conversion is unknown.
     said : Column or None
-        Conversion from the file's numbers to the unit, from the layout. None: the numbers are already in the unit.
+        Conversion of the file's numbers to `unit`, as the layout states it. None: the numbers are already in `unit`.
     curve : ForceCalibration or None
         Calibration of the force sensor.
     """
@@ -95,7 +95,7 @@ class ChannelFile:
     first : int
         Row of the first sample in the table.
     origin : datetime64 or None
-        Time 0 of dates and times.
+        Date and time of time 0, if the file has dates.
     notes : tuple of str
         Notes on how the file was read.
     """
@@ -113,7 +113,7 @@ class ChannelFile:
         return max(self.table.count() - self.first, 0)
 
     def read(self, names: Sequence[str], rows: tuple[int, int]) -> tuple[Array, dict[str, Array]]:
-        """Return the times of samples, s (or sample numbers without a time column), and columns in their units."""
+        """Return the times of samples in s (without a time column: their numbers), and the columns in their units."""
         wanted = [*names, *([] if self.time is None else [self.time.column])]
         raw = self.table.get(wanted, (self.first + rows[0], self.first + rows[1]))
         by_name = {channel.column: channel for channel in self.channels}
@@ -128,7 +128,7 @@ class ChannelFile:
     def counted(self, fall: int) -> ChannelFile:
         """Return the file without its time column, because the times do not increase at sample `fall`."""
         return replace(
-            self, time=None, notes=(*self.notes, f"the time falls at sample {fall}: sample numbers replace it")
+            self, time=None, notes=(*self.notes, f"the time decreases at sample {fall}: sample numbers replace it")
         )
 
 
@@ -203,7 +203,7 @@ def pairs(own: ChannelFile, other: ChannelFile) -> list[tuple[FileChannel, FileC
     """Return the columns that two recordings have in common.
 
     Two columns have the same quantity if both have SI units of the same dimension; otherwise their units must be equal.
-    ``slope`` and ``zero`` of the second column of a pair lead to the unit of the first one, not to SI.
+    ``slope`` and ``zero`` of the second column of a pair convert to the unit of the first column, not to SI.
 
     Raises
     ------
@@ -241,7 +241,7 @@ def _channel(name: str, role: str | None, said: FileLayout | None, unit: str) ->
 
 
 def _open(path: Path, said: FileLayout | None, cache: Path) -> tuple[Table, Names, Names]:
-    """Open a file as a table that can be read in parts, with units of the file and names in the layout by column.
+    """Open a file as a table that can be read in parts; also return the unit and the layout name of each column.
 
     A file that is not Parquet, or has dates as texts, is converted.
 
@@ -269,7 +269,7 @@ def _open(path: Path, said: FileLayout | None, cache: Path) -> tuple[Table, Name
 
 
 def _converted(path: Path, said: FileLayout | None) -> tuple[dict[str, Array], dict[str, Any]]:
-    """Read every numeric column by name, and the other data of an open table."""
+    """Return every numeric column by name, and the other properties of an open table."""
     if said is None:
         form, values = read_foreign(path)
         names = form.names if len(set(form.names)) == len(values) else [f"column {at}" for at in range(len(values))]
@@ -284,12 +284,12 @@ def _converted(path: Path, said: FileLayout | None) -> tuple[dict[str, Array], d
 
 
 def _kinds(table: Table, names: Iterable[str]) -> Names:
-    """Return the kind of the values of columns (of NumPy), according to their first rows."""
+    """Return NumPy's kind of the values of each column, from the first rows."""
     return {name: first.dtype.kind for name, first in table.get(names, (0, 16)).items() if first.ndim == 1}
 
 
 def _time(said: FileLayout | None, units: Names, roles: Names, kinds: Names) -> FileChannel | None:
-    """Return the time column, in s: that of the layout, or a column named like a time with a fitting unit."""
+    """Return the time column in s: from the layout, or a column whose name and unit are those of a time."""
     for name, role in roles.items():
         if role == "time" and said is not None and name in kinds:
             return _channel(name, role, said, "s")
@@ -311,13 +311,13 @@ def amplitude_density(time_s: Array, values: Array) -> tuple[Array, Array]:
     Parameters
     ----------
     time_s, values : ndarray, shape (n,)
-        At least 32 samples, evenly spaced to 1 %.
+        At least 32 samples, evenly spaced within 1 %.
 
     Returns
     -------
     frequency_hz, density : ndarray
-        Frequency, Hz, and density, unit of the values per root Hz. The integral of the squared density over frequency
-        is the variance.
+        Frequency in Hz, and density in the unit of the values per root Hz. The integral of the squared density over
+        frequency is the variance.
 
     Raises
     ------

@@ -38,8 +38,8 @@ class ColumnUnit:
 class HeaderUnit:
     """Unit in the header of a foreign file.
 
-    ``si`` is the SI unit of its quantity, or ``count``. It is empty for other quantities. ``unit`` is the unit as
-    written in layouts. A pressure without a mark has no ``gauge``.
+    ``si`` is the SI unit of the quantity, ``count``, or empty for other quantities. ``unit`` is the unit as written in
+    layouts. A pressure that does not state gauge or absolute has no ``gauge``.
     """
 
     si: str
@@ -115,7 +115,7 @@ def split_name(name: str) -> tuple[str, HeaderUnit | None]:
 
 
 def column_unit(text: str, si_unit: str) -> ColumnUnit:
-    """Read a column's unit.
+    """Parse the unit of a column.
 
     Parameters
     ----------
@@ -127,7 +127,7 @@ def column_unit(text: str, si_unit: str) -> ColumnUnit:
     Raises
     ------
     DescriptionError
-        If the unit is unknown, has the wrong dimension, or lacks gauge or absolute.
+        The unit is unknown, has the wrong dimension, or does not state gauge or absolute.
 
     Examples
     --------
@@ -185,7 +185,7 @@ def words_of(name: str) -> str:
 
 
 def role_of(name: str) -> str | None:
-    """Return the role that a name states, None for no role."""
+    """Return the role that a name states; None without a role."""
     words = words_of(name)
     return next((name for name, role in ROLES.items() if re.search(role["words"], words)), None)
 
@@ -244,7 +244,7 @@ class FileColumn:
     place : int or str
         Name or number of the column in a layout.
     name, bare : str
-        Name in the header, and without its unit.
+        Name in the header, with and without its unit.
     unit : HeaderUnit or None
         Stated unit.
     unknown : str
@@ -263,7 +263,7 @@ class FileColumn:
 
     @property
     def role(self) -> str | None:
-        """The role stated by the name. A unit of time as name also means time."""
+        """The role stated by the name. A name that is a unit of time also means time."""
         return role_of(self.bare) or role_of(self.name)
 
     @property
@@ -280,7 +280,7 @@ class FileColumn:
 
 
 class Candidate(NamedTuple):
-    """A column that may have a role, with the weight of its evidence, and the next candidate in words, if chosen."""
+    """Column that may have a role, with weight and words of its evidence; once chosen, also its nearest rival."""
 
     column: FileColumn
     score: float

@@ -71,7 +71,7 @@ class DriveRecording(Shown):
     synthetic : bool
         Whether the recording comes from a simulation.
     start_s : float
-        Time 0 on the clock of the file, s.
+        Time 0 on the clock of the file, in s.
     """
 
     name: str
@@ -94,20 +94,20 @@ class DriveRecording(Shown):
 
     @property
     def time_s(self) -> Array:
-        """Times, s, from 0."""
+        """Times in s, from 0."""
         return self.columns["time_s"]
 
     @property
     def duration_s(self) -> float:
-        """Time of the last sample, s."""
+        """Time of the last sample, in s."""
         return float(self.time_s[-1])
 
     @property
     def steps(self) -> ArrayPair:
         """Times at which the command changes, and its new values.
 
-        As in a run, a valve begins at rest. If the piston moves at the first sample, the valve has settled at the
-        command.
+        The valve starts at rest, as in a simulation. If the piston moves at the first sample, the valve has already
+        settled at the first command.
         """
         command = self.columns["command"]
         position = self.columns.get("position_m", 0.0 * command)
@@ -130,7 +130,7 @@ class VolumeRecording(DriveRecording):
 
     @property
     def pressure_pa(self) -> Array:
-        """Pressure of the volume, absolute, Pa."""
+        """Absolute pressure of the volume in Pa."""
         return self.columns["pressure_pa"]
 
     @property
@@ -144,7 +144,7 @@ class VolumeRecording(DriveRecording):
         return {name: self.columns[name] for name in ("pressure_pa", "inlet_pressure_pa") if name in self}
 
     def at(self, keep: Bools) -> VolumeRecording:
-        """Return the recording at some of its samples."""
+        """Return the recording with only these samples."""
         return replace(self, columns=rows_of(self.columns, keep))
 
 
@@ -175,7 +175,7 @@ def drive_recording(
     Raises
     ------
     RecordingError
-        If a column is missing or not finite, lengths differ, times do not increase, or a command is outside -1 .. 1.
+        A column is missing or not finite, lengths differ, times do not increase, or a command is outside -1 .. 1.
     """
     where = str(source or name)
     used = _arrays(columns, needed, (*NEEDED, *OPTIONAL), where, "drive")
@@ -186,7 +186,7 @@ def drive_recording(
         bad = np.flatnonzero(~np.isfinite(used[column]))
         if bad.size:
             raise RecordingError.of("signals.not-finite", where=f"{where}, sample {bad[0]}", column=column)
-    _refuse_fall(time, np.diff(time) <= 0.0, "time_s does not rise", where)
+    _refuse_fall(time, np.diff(time) <= 0.0, "time_s does not increase", where)
     _refuse_command(used["command"], -1.0, "the fraction of the valve's full opening, with sign", where)
     for column in ("pressure_a_pa", "pressure_b_pa"):
         low = float(np.fmin.reduce(used[column])) if column in used else np.inf
@@ -204,15 +204,15 @@ def volume_recording(
     labels: Mapping[str, str] | None = None,
     source: Path | None = None,
 ) -> VolumeRecording:
-    """Make a recording of a fixed volume from SI columns: ``time_s``, ``pressure_pa``, and others of `OF_VOLUME`.
+    """Make a recording of a fixed volume from SI columns: ``time_s``, ``pressure_pa`` and the others in `OF_VOLUME`.
 
     Samples that are not finite or repeat a time are left out.
 
     Raises
     ------
     RecordingError
-        If a column is missing, lengths differ, time runs backwards, too few samples are left, a pressure is impossible,
-        or an opening is outside 0 .. 1.
+        A column is missing, lengths differ, time runs backwards, too few samples are left, a pressure is impossible, or
+        an opening is outside 0 .. 1.
     """
     where = str(source or name)
     opened = {"command": np.ones(np.size(columns.get("time_s", ()))), **columns}
@@ -389,7 +389,7 @@ def _imported(path: Path, layout: Layout, kind: str) -> tuple[Plain, str, dict[s
 
 
 def check_plausible(recording: DriveRecording, stroke: float, ambient: float, supply: float) -> None:
-    """Reject a recording that does not match a stroke, m, and the pressures of ambient and supply, Pa.
+    """Reject a recording that does not match a stroke (in m) and the ambient and supply pressures (in Pa).
 
     Raises
     ------
@@ -430,7 +430,7 @@ def refuse_standstill(recordings: Sequence[DriveRecording], free: Sequence[str])
 
 
 def moves(position_m: Array) -> bool:
-    """Whether a position changes by more than its noise."""
+    """Return whether a position changes by more than its noise."""
     known = position_m[np.isfinite(position_m)]
     return known.size > 0 and float(np.ptp(known)) > NOISE_FACTOR * noise_level(known)
 

@@ -27,7 +27,7 @@ _NotNegative = Annotated[_Number, Field(ge=0.0)]
 
 @dataclass(frozen=True)
 class ForceCalibration:
-    """A calibration of the force sensor, forces in N, with the sensor's sign.
+    """Calibration of a force sensor. Forces are in N, with the sign of the sensor.
 
     Attributes
     ----------
@@ -39,16 +39,16 @@ class ForceCalibration:
     u_gain : float
         Relative standard uncertainty of the gain or, with points, of the reference forces.
     u_zero_n : float
-        Standard uncertainty of the zero. Zero runs remove it.
+        Standard uncertainty of the zero. Runs that measure the zero remove it.
     range_n : float
         Largest force of the calibration; 0: largest force of the points.
     linearity_n : float
-        Largest error of the curve (limits).
+        Largest error of the curve, plus or minus.
     hysteresis_n : float
         Largest difference of readings at the same force between increasing and decreasing force. The limits of the
         error are plus and minus half this difference.
     creep_n : float
-        Change of the reading under the largest force (limits); proportional to the force.
+        Largest change of the reading under the constant largest force, plus or minus. It is proportional to the force.
     certificate, date : str
     """
 
@@ -97,7 +97,7 @@ class ForceCalibration:
         Returns
         -------
         ndarray
-            Same shape, N.
+            Force in N, same shape.
 
         Examples
         --------
@@ -127,8 +127,8 @@ class ForceCalibration:
         Returns
         -------
         dict
-            Source -> standard uncertainty of the force, half the difference, and half the sum, N. Hysteresis remains in
-            the difference, because the force is approached from opposite sides in both directions.
+            Source -> standard uncertainties of the force, of half the difference and of half the sum, in N. Hysteresis
+            remains in the difference, because the force is approached from opposite sides in both directions.
         """
         creep = self.creep_n / RECTANGULAR / self.largest_n if self.creep_n else 0.0
         line, turn = self.linearity_n / RECTANGULAR, self.hysteresis_n / 2.0 / RECTANGULAR
@@ -143,7 +143,7 @@ class ForceCalibration:
         }
 
     def words(self) -> str:
-        """Return certificate and date in words."""
+        """Return certificate and date as text."""
         return ", ".join(part for part in (self.certificate, self.date) if part) or "calibration"
 
 
@@ -174,6 +174,6 @@ def of_quantities(table: object) -> ForceCalibration:
     Raises
     ------
     DescriptionError
-        If a key is unknown, a value or the calibration invalid.
+        A key is unknown, or a value or the calibration is not valid.
     """
     return ForceCalibration(**ForceCalibrationTable.model_validate(table).stored())

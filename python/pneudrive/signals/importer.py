@@ -91,7 +91,7 @@ def _numeric(arrays: Mapping[str, NDArray[Any]], dates: Mapping[str, str], path:
 def read_binary(
     path: Path, layout: FileLayout, rows: tuple[int, int] | None = None, *, others: bool = False
 ) -> ForeignTable:
-    """Read the columns that a layout names from a file that is not text.
+    """Read the columns of a layout from a file that is not text.
 
     Parameters
     ----------
@@ -105,7 +105,7 @@ def read_binary(
     Raises
     ------
     RecordingError
-        If a column is missing or does not hold numbers, or the file has another format.
+        A column is missing or does not hold numbers, or the file has another format.
     """
     opened = open_table(path, layout.format)
     places = names_of(layout.places, opened.names, path)
@@ -132,12 +132,12 @@ def read_binary(
 
 
 def names_of(wanted: list[int | str], names: list[str], path: Path) -> dict[int | str, str]:
-    """Return the name of each column given by name or number. A TDMS channel may be given without its group if unique.
+    """Return the name of each column given by name or number. A TDMS channel with a unique name needs no group.
 
     Raises
     ------
     RecordingError
-        If a column is missing.
+        A column is missing.
     """
     short: dict[str, list[str]] = {}
     for name in names:
@@ -148,7 +148,7 @@ def names_of(wanted: list[int | str], names: list[str], path: Path) -> dict[int 
 
 
 def _as_numbers(column: NDArray[Any], name: str, path: Path, date_form: str | None) -> Array:
-    """Return a column as float64; dates and times as seconds since the first.
+    """Return a column as float64; dates and times become seconds since the first value.
 
     Raises
     ------
@@ -179,7 +179,7 @@ def read_channels(
     data : bytes, optional
         Content of the file, if it is known.
     others : bool
-        Whether to read every other column of numbers of the file, too.
+        Whether to read all other columns of numbers in the file, too.
 
     Returns
     -------
@@ -189,7 +189,7 @@ def read_channels(
     Raises
     ------
     RecordingError
-        If the layout does not fit the file, many samples share a time stamp, or the time restarts in a segment.
+        The layout does not fit the file, many samples share a time stamp, or the time restarts in a segment.
     """
     if layout.format == "csv":
         data = data or read_bytes(path)
@@ -240,7 +240,7 @@ def _time_of(column: TimeColumn, table: ForeignTable, where: str) -> tuple[Array
 
 
 def import_file(path: Path, layout: FileLayout) -> tuple[Plain, dict[str, int], str]:
-    """Read the columns that a layout names.
+    """Read the columns of a layout, and convert them to SI.
 
     Returns
     -------
@@ -250,7 +250,7 @@ def import_file(path: Path, layout: FileLayout) -> tuple[Plain, dict[str, int], 
     Raises
     ------
     RecordingError
-        If the layout does not fit the file, or no sample is left.
+        The layout does not fit the file, or no sample is left.
     """
     data = read_bytes(path)
     table, channels = read_channels(path, layout, data)
@@ -266,7 +266,7 @@ def import_file(path: Path, layout: FileLayout) -> tuple[Plain, dict[str, int], 
 
 
 def _doubts(layout: FileLayout, table: ForeignTable) -> Iterator[str]:
-    """Yield messages on units that differ between file and layout (size, gauge), and on unused pressures of chambers.
+    """Yield messages on units that differ between file and layout, and on unused pressures of chambers.
 
     A file states a unit in the name of the column, or in a row of units below the names.
     """
@@ -285,7 +285,7 @@ def _doubts(layout: FileLayout, table: ForeignTable) -> Iterator[str]:
         turned = None not in (named.gauge, unit.gauge) and named.gauge is not unit.gauge
         if is_other or turned:
             sort = "" if named.gauge is None else " gauge" if named.gauge else " abs"
-            yield f"{where} is in {named.unit}{sort} in the file, but in {unit.text} by the layout"
+            yield f"{where} is in {named.unit}{sort} in the file, but in {unit.text} in the layout"
     stated = layout.chamber_pressures().items()
     sides = {channel[-1] for channel, pressure in stated if pressure == layout.ambient_pa}
     unread = []
@@ -295,7 +295,7 @@ def _doubts(layout: FileLayout, table: ForeignTable) -> Iterator[str]:
             unread.append(f"'{name}'")
     if unread:
         yield (
-            f"by the layout a chamber is open to ambient, so {', '.join(unread)} is not used: "
+            f"in the layout a chamber is open to ambient, so {', '.join(unread)} is not used: "
             "if it is the pressure of a chamber, name it pressure_a or pressure_b"
         )
 
@@ -323,7 +323,7 @@ def si_columns(layout: FileLayout, raw: Columns) -> Plain:
 
 
 def convert(layout: FileLayout, channel: str, raw: Array) -> Array:
-    """Return the raw values of one channel in SI, pressures absolute."""
+    """Return the raw values of one channel in SI; pressures are absolute."""
     column = layout.channels[channel]
     unit, curve = column.conversion, layout.force_calibration
     value = column.in_unit(raw)

@@ -118,7 +118,7 @@ class Column(Described):
         return value if self.positive == "+x" else -1 * value
 
     def corrected(self, force_n: Array, curve: ForceCalibration) -> Array:
-        """Return forces corrected by the calibration of the sensor, whose sign is `positive`."""
+        """Return forces corrected by the calibration of the sensor; `positive` is the sign of the sensor."""
         sign = 1 if self.positive == "+x" else -1
         return sign * curve.force_n(sign * force_n)
 
@@ -152,7 +152,7 @@ class TimeColumn(Column):
         if self.column is not None and self.unit is None:
             raise wrong("unit", "unit is missing", remedy='time = { column = 0, unit = "s" }')
         if "date_format" in self.model_fields_set and self.date is None:
-            raise wrong("date_format", f"date_format = {self.date_format!r}", rule="it needs a column: date = 0")
+            raise wrong("date_format", f"date_format = {self.date_format!r}", rule="a date needs a column: date = 0")
         return self
 
 
@@ -212,14 +212,14 @@ class GeometryTable(PistonTable):
 
 
 class ChamberTable(Described):
-    """The pressure in a chamber if it is not measured."""
+    """``[chamber_a]``, ``[chamber_b]``: the pressure in a chamber that is not measured."""
 
     open_to_ambient: StrictBool = False
     pressure: marks.MaybePressure = None
 
 
 class RigTable(Described):
-    """``[rig]``: the rig of the drive."""
+    """``[rig]``: ambient pressure, incline, moved mass, stiffness and alignment of the rig."""
 
     table_name = "rig"
     ambient_pressure: Annotated[units.Pressure, marks.StatedPressure(gauge_allowed=False)] = units.Pressure(
@@ -239,7 +239,7 @@ class WindowTable(Described):
 
 
 class ParallelTable(Described):
-    """``[[force]]``: a force parallel to that of the rig, such as of a hydraulic ram; computed from pressures.
+    """``[[force]]``: a force parallel to the force of the rig, such as that of a hydraulic ram; from pressures.
 
     The force is ``area (pressure - against)``; the default of `against` is the ambient pressure.
     ``area_accuracy`` is a relative standard uncertainty. All accuracies of a layout are standard uncertainties.
@@ -255,7 +255,7 @@ class ParallelTable(Described):
 
 
 class FileLayout(Described):
-    """A layout with the overrides that match the name of one file, values in SI."""
+    """A layout with the overrides that match the name of one file. Values are in SI."""
 
     schema_version: Any = Field(default=1, alias="schema")
     kind: Literal["rig", "drive", "fixed-volume"] | None = None
@@ -353,8 +353,8 @@ class FileLayout(Described):
                 continue
             other = read.setdefault(column.column, channel)
             if UNITS[other] != UNITS[channel]:  # both chambers may share a transducer
-                what = f"columns.{other} and columns.{channel} read one column: {column.column!r}"
-                yield wrong(f"columns.{channel}", what, rule="a column must be one quantity")
+                what = f"columns.{other} and columns.{channel} read the same column: {column.column!r}"
+                yield wrong(f"columns.{channel}", what, rule="a column has only one quantity")
         for side in "ab" if kind == "rig" else "":
             table, column_name = f"chamber_{side}", f"pressure_{side}"
             chamber: ChamberTable = getattr(self, table)
@@ -377,7 +377,7 @@ class FileLayout(Described):
         return out
 
     def _channel(self, name: str) -> Column | None:
-        """Return the column of a channel, ``range`` in SI. For a command, scale and offset follow from the range."""
+        """Return the column of a channel with ``range`` in SI. The range of a command sets scale and offset."""
         column: Column | None = getattr(self.columns, name)
         if column is None or column.range is None:
             return column
@@ -458,7 +458,7 @@ class Layout(Shown):
         Raises
         ------
         LayoutError
-            If a value is wrong for this file, or the layout has another kind.
+            A value is wrong for this file, or the layout has another kind.
         """
         if self.kind != kind and "fixed-volume" in (self.kind, kind):
             stated, other = (name.replace("-", " ") for name in (self.kind, kind))
@@ -487,7 +487,7 @@ class Layout(Shown):
         return self.tree.get("kind", "drive" if names_command else "rig")
 
     def fail(self, error: DescriptionError) -> LayoutError:
-        """Return an error of the layout that points at the line of its key."""
+        """Return an error of the layout that names the line of the key."""
         return toml.located(error, self.origin, self.text).turned(LayoutError)
 
     def _place(self, key: str, chosen: Sequence[int]) -> str:
@@ -508,7 +508,7 @@ class Layout(Shown):
         Parameters
         ----------
         chosen : sequence of int
-            The overrides, in their order.
+            Numbers of the overrides, in ascending order.
         is_part : bool
             Whether the layout may be incomplete.
 
@@ -559,7 +559,7 @@ _read = lru_cache(maxsize=256)(Layout.read)
 
 
 def stem(path: Path) -> str:
-    """Return the file name without its suffix and without the suffix of a compression.
+    """Return the file name without its suffix and without the suffix of its compression.
 
     Examples
     --------
@@ -604,8 +604,8 @@ def labels_from_name(pattern: str, name: str) -> dict[str, str] | str:
 def _matched(parts: list[str], name: str, end: str) -> tuple[str, ...] | None:
     """Return the text of each part of a pattern at the beginning of a name, then that of `end`; None without a match.
 
-    The time of polars is linear. `re` would try every division of the name, and their number grows exponentially with
-    the number of fields.
+    Polars needs linear time. `re` would try every division of the name, and the number of divisions grows exponentially
+    with the number of fields.
     """
     import polars as pl
 

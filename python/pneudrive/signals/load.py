@@ -15,6 +15,7 @@ import numpy as np
 
 from pneudrive.arrays import Columns, Ints, Plain, rows_of
 from pneudrive.errors import RecordingError
+from pneudrive.files.content import check_file, kind_of_toml
 from pneudrive.files.tables import Table, open_table
 from pneudrive.signals.importer import SI_NAMES, import_file, read_binary, si_columns
 from pneudrive.signals.layout import KINDS, AnyLayout, FileLayout, Layout, stem
@@ -30,7 +31,9 @@ if TYPE_CHECKING:
 
 
 HASHED_ROWS = 1 << 18  # of a long file at a time
-NO_RECORDING = frozenset({"", ".toml", ".md", ".json", ".html"})  # suffixes of texts beside recordings
+#: Suffixes of texts and pictures beside recordings, and columns of friction tables that pneudrive writes there.
+NO_RECORDING = frozenset({"", ".toml", ".md", ".json", ".html", ".pdf", ".png", ".svg", ".jpg", ".jpeg"})
+OF_RESULTS = ("u_systematic_n", "model_n")
 MISSING_LAYOUT = "give a layout with --layout LAYOUT.toml; 'pneudrive layout FILE' proposes one"
 
 
@@ -64,7 +67,7 @@ class RecordingFile:
 
     @property
     def span(self) -> tuple[int, int]:
-        """First row of a long recording that is used, and the number of its rows."""
+        """First used row of a long recording, and the number of rows in its file."""
         assert self.table is not None
         return (0 if self.said is None else self.said.skip_samples), self.table.count()
 
@@ -102,21 +105,25 @@ def recording_files(paths: Iterable[str | Path], layout: AnyLayout) -> list[Reco
     found = []
     for file in files:
         name = stem(file) if counts[stem(file)] == 1 else f"{file.parent.name}/{stem(file)}"
-        if given is None and is_trajectory(file):
-            found.append(RecordingFile(file, None, name))
-            continue
-        if given is None and file.parent not in beside:
-            beside[file.parent] = layout_beside(file)
-        found.append(RecordingFile(file, given or beside[file.parent], name))
+        if file.suffix.lower() in NO_RECORDING - {""} and file.is_file():
+            kind = kind_of_toml(file) if file.suffix == ".toml" else "text or picture"
+            raise RecordingError.of("signals.other-file", where=str(file), kind=kind)
+        own = given
+        if given is None and not is_trajectory(file):
+            own = beside[file.parent] = beside.get(file.parent) or layout_beside(file)
+        found.append(RecordingFile(file, own, name))
     return found
 
 
 def recordings_in(folder: Path) -> list[Path]:
-    """Return the recordings of a folder with a layout, by name; empty without a layout, and for a campaign folder."""
+    """Return the recordings of a folder with a layout, by name; empty without a layout, and for a campaign folder.
+
+    Pictures, texts and tables of results are not recordings.
+    """
     if not (folder / "layout.toml").is_file() or (folder / "rig.json").exists():
         return []
     files = (one for one in folder.iterdir() if one.is_file() and not one.name.startswith("."))
-    return sorted(one for one in files if one.suffix.lower() not in NO_RECORDING)
+    return sorted(f for f in files if f.suffix.lower() not in NO_RECORDING and not columns_in(f, OF_RESULTS))
 
 
 def load_recordings(paths: Iterable[str | Path], layout: AnyLayout = None) -> list[Recording]:
@@ -144,12 +151,12 @@ def load_recordings(paths: Iterable[str | Path], layout: AnyLayout = None) -> li
 
 
 def hashes_of(path: Path) -> frozenset[str]:
-    """Return the possible hashes of a recording of a file: of its content, and of the columns of a trajectory.
+    """Return the possible hashes of the recording in a file: of the file's content, and of a trajectory's columns.
 
     Raises
     ------
     RecordingError
-        If the file cannot be read.
+        The file cannot be read.
     """
     found = [hashlib.sha256(read_bytes(path)).hexdigest()]
     if is_trajectory(path):
@@ -169,8 +176,7 @@ def layout_beside(file: Path) -> Layout:
     """Load ``layout.toml`` from the folder of a file, or from the folder above."""
     if (layout := find_layout(file)) is not None:
         return layout
-    if not file.exists():
-        raise RecordingError("there is no such file", where=str(file))
+    check_file(file, RecordingError)
     raise RecordingError("there is no layout for this file", where=str(file), remedy=MISSING_LAYOUT)
 
 
@@ -243,7 +249,7 @@ BATCH_SAMPLES = 2_000_000  # samples that a worker holds at once: about 100 MB w
 
 
 def find_cycles(file: RecordingFile) -> tuple[Ints, Iterator[Recording]]:
-    """Return the numbers of the cycles of a campaign file, and their recordings one after the other, to be read once.
+    """Return the numbers of the cycles of a campaign file, and an iterator over their recordings.
 
     A campaign file is Parquet, with one row for each sample. The rows of a cycle are together and in the order of time.
     A column numbers the cycle (``cycle = { column = "cycle" }`` in the layout's ``[columns]``). The other columns are
@@ -253,7 +259,7 @@ def find_cycles(file: RecordingFile) -> tuple[Ints, Iterator[Recording]]:
     Raises
     ------
     RecordingError
-        If the file is not Parquet, has no such column or no rows, or if the rows of a cycle are not together.
+        The file is not Parquet, has no such column or no rows, or the rows of a cycle are not together.
     """
     import polars as pl
 
@@ -336,7 +342,7 @@ def from_run(run: xr.Dataset, name: str = "trajectory") -> Recording:
     Raises
     ------
     RecordingError
-        If the Dataset is not a trajectory.
+        The Dataset is not a trajectory.
     """
     missing = [v for v in VARIABLES if v not in run.variables]
     if missing:

@@ -115,8 +115,8 @@ def _general_slope(time_s: Array, values: Array, half_width: int) -> Array:
 def noise_level(values: Array, *, quantisation: bool = True) -> float:
     """Estimate the standard deviation of white noise from second differences; robust, and insensitive to slow changes.
 
-    If quantisation hides the noise, the estimate is that of a uniform distribution over one step. Switch this off for a
-    channel that jumps between a few values, whose smallest step is not a quantum.
+    If quantisation hides the noise, the estimate is that of a uniform distribution over one step. Set `quantisation` to
+    False for a channel that jumps between a few values: its smallest step is not a quantisation step.
     """
     if values.size < 3:
         return 0.0
@@ -146,13 +146,13 @@ def straight_line(x: Array, y: Array) -> Pair:
 
 
 def middle(values: Array) -> float:
-    """Return the median of a long array, estimated from a part of its values; of two middle values, the upper."""
+    """Return the median of a long array, estimated from a part of its values: the upper of two middle values."""
     some = thinned(values)
     return float(np.partition(some, some.size // 2)[some.size // 2])
 
 
 def quantiles(values: Array, *shares: float) -> list[float]:
-    """Return quantiles of finite values, with the same bits as NumPy's linear method, but ten times faster."""
+    """Return quantiles of finite values: identical to NumPy's linear method, but ten times faster."""
     ordered, last, found = np.sort(values), values.size - 1, []
     for share in shares:
         low = min(int(share * last), max(last - 1, 0))
@@ -328,7 +328,7 @@ def _groups(ordered: list[Stroke], width: float) -> Levels:
 def _are_steps(groups: Levels) -> bool:
     """Return whether groups of one direction are set speeds: clearly apart, and in ascending or descending order.
 
-    A few exceptions from the order are allowed, such as a first stroke at a usual speed.
+    A few exceptions to the order are allowed, such as a first stroke at the usual speed.
     """
     speeds = [group[0].pace_m_s for group in groups]
     apart = all(b > a * (1.0 + CONTROLLED_TOLERANCE) for a, b in pairwise(speeds))
@@ -388,9 +388,9 @@ def resolution(values: Array) -> float:
 
 
 def unevenness(values: Array, *, is_one_of_many: bool) -> float:
-    """Return the deviation of a signal from even strokes between turning points.
+    """Return the deviation of a signal from strokes at constant speed between turning points.
 
-    The ratio is 1 for a triangle, and infinite without motion.
+    The value is 1 for a triangle wave, and infinite without motion.
     """
     values = values[np.isfinite(values)]
     if values.size < FEWEST:

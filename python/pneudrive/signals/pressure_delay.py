@@ -42,7 +42,7 @@ LATE_S = 0.05  # smaller delays are within the error of the model and of usual c
 
 @dataclass(frozen=True)
 class PressureDelay:
-    """Delay of the pressures relative to the motion: value and half width of its 95 % interval, s.
+    """Delay of the pressures relative to the motion: value and half width of its 95 % interval, in s.
 
     Attributes
     ----------
@@ -68,7 +68,7 @@ class PressureDelay:
         return replace(recording, **pressures).at(there)
 
     def __str__(self) -> str:
-        """Return the delay in words."""
+        """Return a sentence with the delay."""
         words = "after" if self.value_s >= 0.0 else "before"
         return f"the pressures come {abs(self.value_s):.3f} ± {self.half_width_s:.3f} s {words} the position"
 

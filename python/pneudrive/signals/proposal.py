@@ -40,7 +40,7 @@ TEMPLATE = Path(__file__).with_name("layout.toml.j2")
 
 @dataclass(frozen=True)
 class Proposal:
-    """A proposed layout, and the data as read, for a picture.
+    """A proposed layout, and the data read with it, for a figure.
 
     ``kind`` is the kind of recording: a ``rig``, a ``drive``, a ``fixed-volume``. ``columns`` has the raw numbers of
     every column. ``recording`` and ``strokes`` are the file as read by the layout. Other kinds and unreadable files
@@ -73,7 +73,7 @@ def propose_layout(path: str | Path, watch: Watch = UNWATCHED) -> Proposal:
     path
         The file.
     watch
-        Receives the present step.
+        Receives the current step.
 
     Returns
     -------
@@ -135,7 +135,7 @@ def _kind(path: Path, roles: RoleSearch) -> str:
     Raises
     ------
     RecordingError
-        If the kind is unknown: a layout would be meaningless.
+        The kind is unknown, so that a layout would be meaningless.
     """
     found = {guess.role for guess in roles.guesses}
     found |= {*re.findall(r"\w+", roles.open_roles)}
@@ -200,7 +200,7 @@ def layout_text(path: Path, roles: RoleSearch, kind: str) -> str:
 
 
 def _column_line(guess: Guess, sign: str) -> str:
-    """Return the line of a column."""
+    """Return the line of a column in the layout."""
     place = value_text(guess.column)
     if guess.source is None:
         return f"{guess.role} = {{ {guess.keys} }}  # guess: {guess.reason}"
@@ -235,7 +235,7 @@ def _signal(unit: str, values: Array) -> str:
 
 
 def _sign_and_bore(roles: RoleSearch) -> tuple[str, float, str]:
-    """Return the force sign with which friction opposes the motion, and the bore that closes the force balance."""
+    """Return the sign of the force with which friction opposes motion, and the bore that closes the balance."""
     sign, unknown = "-x" if roles.sign < 0 else "+x", 0.025
     force, values, directions = roles.guess("force"), roles.column("force"), roles.directions
     pressures = [guess for guess in roles.guesses if guess.role.startswith("pressure")]

@@ -65,9 +65,9 @@ class Recording(Viewed):
     mass_beyond_sensor_kg
         Mass that moves between the force sensor and the piston, piston included.
     incline_rad
-        Positive where +x points up.
+        Incline of the axis; positive if +x points up.
     accuracy
-        Standard uncertainty for each channel in SI (``position_m``, ``force_n``, ``pressure_a_pa``, ``pressure_b_pa``),
+        Standard uncertainty of each channel in SI (``position_m``, ``force_n``, ``pressure_a_pa``, ``pressure_b_pa``),
         and of ``bore_m`` or ``area`` (relative). A missing key is replaced by an assumed value, which the uncertainty
         budget marks as assumed.
     labels
@@ -147,7 +147,7 @@ class Recording(Viewed):
         return upper("recording_view")(self)
 
     def at(self, keep: Bools) -> Recording:
-        """Return the recording at some of its samples."""
+        """Return the recording with only these samples."""
         if keep.all():
             return self
         channels = {name: getattr(self, name)[keep] for name in ("time_s", *CHANNELS)}
@@ -172,7 +172,7 @@ class Recording(Viewed):
         Returns
         -------
         ndarray
-            Shape (n,), N.
+            Force in N, shape (n,).
         """
         ambient = self.ambient_pressure_pa
         # In place, term by term: fresh memory for each would take longer than the sum.
@@ -211,8 +211,8 @@ def clean(recording: Recording, places: dict[str, list[Interval]] | None = None)
     recording
         As read.
     places
-        Receives the first and last time of each occurrence by kind, s. Neighbouring samples are one occurrence, and a
-        gap extends to the next sample. Faults on reading are left out, because they have no time.
+        Receives the first and last time of each occurrence in s, by kind. Neighbouring samples are one occurrence, and
+        a gap extends to the next sample. Faults on reading are left out, because they have no time.
 
     Returns
     -------
@@ -223,7 +223,7 @@ def clean(recording: Recording, places: dict[str, list[Interval]] | None = None)
     Raises
     ------
     RecordingError
-        If no finite sample is left.
+        No finite sample is left.
     """
     counts = dict(recording.flags)
 
@@ -261,7 +261,7 @@ def clean(recording: Recording, places: dict[str, list[Interval]] | None = None)
 
 
 def _bad_samples(recording: Recording) -> dict[str, Bools]:
-    """Return a mask per kind of bad sample."""
+    """Return a mask for each kind of bad sample."""
     n = len(recording)
     masks = {kind: np.zeros(n, dtype=bool) for kind in ("spike", "saturated", "stuck")}
     if n < 2 * STUCK_RUN:
@@ -410,7 +410,7 @@ def refuse_pressure(name: str, pressure_pa: Array, where: str) -> None:
         return
     low, high = quantiles(thinned(pressure_pa), *QUANTILES)
     if low < LOWEST_PA or high > PRESSURES_PA[0]:
-        worst, why = (low, "lies below vacuum") if low < LOWEST_PA else (high, "no pneumatic rig has")
+        worst, why = (low, "is below vacuum") if low < LOWEST_PA else (high, "no pneumatic rig has")
         ends = {"bar": worst / 1e5, "most": PRESSURES_PA[0] / 1e5}
         raise RecordingError.of("signals.impossible-pressure", where=where, name=name, why=why, **ends)
 
@@ -421,7 +421,7 @@ def refuse_channels(recording: Recording) -> None:
     Raises
     ------
     RecordingError
-        If a pressure is below vacuum, or pressures or forces exceed those of any rig.
+        A pressure is below vacuum, or pressures or forces exceed those of any rig.
     """
     where = str(recording.source or recording.name)
     for channel in ("pressure_a_pa", "pressure_b_pa"):
@@ -437,7 +437,7 @@ def refuse_impossible(recording: Recording, strokes: Sequence[Stroke]) -> None:
     Raises
     ------
     RecordingError
-        If a pressure is below vacuum, or pressures, speeds, travels or forces exceed those of any rig.
+        A pressure is below vacuum, or pressures, speeds, travels or forces exceed those of any rig.
     """
     refuse_channels(recording)
     where = str(recording.source or recording.name)

@@ -28,14 +28,14 @@ WHOLE_SPAN = 500  # whole numbers over more than this are counts
 HELD = ("constant from step to step, unlike a force",)
 ASK_RATE = 'state the rate of the samples, time = { rate = "50 Hz" }'
 SEVERAL = "more than one column is possible"
-ASK_CHAMBER = "neither names nor forces show the chamber: chamber a grows with the position"
+ASK_CHAMBER = "neither names nor forces show the chamber (chamber a grows with the position)"
 
 
 @dataclass(frozen=True)
 class Guess:
     """A guess of a column: ``role`` time, position, force, command, pressure, pressure_a or pressure_b.
 
-    A time from a sample rate has no ``source``. A pressure without a mark has no ``gauge``.
+    A time from a sample rate has no ``source``. A pressure that does not state gauge or absolute has no ``gauge``.
     ``keys`` are further keys of the column in the layout.
     """
 
@@ -80,8 +80,8 @@ class RoleSearch:
     """Columns of a table with guesses and questions about their roles.
 
     ``taken`` has the numbers of columns whose role is decided, or that certainly have no role. ``time`` has the times
-    of the samples, or their numbers without a time column. ``of_time`` has the columns of the time, and ``rate_hz`` a
-    rate that the file states in their place. ``clocks`` maps columns with another time to the column of that time.
+    of the samples, or their numbers without a time column. ``of_time`` has the columns of the time, and ``rate_hz`` the
+    rate that the file states instead. ``clocks`` maps columns with another time to the column of that time.
     """
 
     form: FileForm
@@ -116,7 +116,7 @@ class RoleSearch:
 
     @property
     def open_roles(self) -> str:
-        """Roles of all questions, in words."""
+        """Roles of all questions, as text."""
         return " ".join(question.role for question in self.questions)
 
     def guess(self, role: str) -> Guess | None:
@@ -195,11 +195,11 @@ class RoleSearch:
         return filled(self.time, values)
 
     def _late(self, column: FileColumn) -> float:
-        """Return the start of a channel without times, s after the start of the first channel."""
+        """Return the start of a channel without times, in s after the start of the first channel."""
         return 0.0 if self.of_time else self.form.starts_s.get(column.index, 0.0)
 
     def _find_time(self) -> None:
-        """Find the time, and take its columns, other dates and row counters."""
+        """Find the time. Its columns, other dates and row counters then count as used."""
         dates_of = self.form.dates
         found: list[Candidate] = []
         dates, numbered = list[FileColumn](), list[FileColumn]()
@@ -223,7 +223,7 @@ class RoleSearch:
                     continue
                 if score == 0 and (np.abs(steps - usual) <= EVEN * usual).mean() <= EVEN_STEPS:  # a signal that drifts
                     continue
-                score, evidence = score + PHYSICS, (*evidence, "even steps")
+                score, evidence = score + PHYSICS, (*evidence, "equal time steps")
             elif not is_named:
                 continue
             if column.role not in (None, "time") and not has_unit:
@@ -249,7 +249,7 @@ class RoleSearch:
         self.taken.add(column.index)
 
     def _time_of(self, best: Candidate, dates: Sequence[FileColumn], rank: str) -> None:
-        """Add the guess of a time column, which may have its date in another one."""
+        """Add the guess of a time column; its date may be in another column."""
         column, dates_of = best.column, self.form.dates
         unit, moduli = "", COUNTERS
         if column.index in dates_of:
@@ -299,7 +299,7 @@ class RoleSearch:
         return bool(np.abs(b - a).max() <= 1.01 * max(resolution(a), resolution(b)))
 
     def _position(self) -> None:
-        """Find the position by name, otherwise as the signal that moves evenly, with few small reversals."""
+        """Find the position by name, or else as the signal with strokes at constant speed and few small reversals."""
         named = _backed(
             self.candidates("position"), "strokes", lambda values: unevenness(values, is_one_of_many=True) < np.inf
         )
@@ -308,7 +308,7 @@ class RoleSearch:
             signals, why = self._signals(), "these columns move alike"
             rated = [(unevenness(one.values, is_one_of_many=len(signals) > 1), one) for one in signals]
             even = [(badness, one) for badness, one in rated if badness < LEAST_EVEN]
-            named = [Candidate(one, -badness / CLEAR_STROKES, ("even strokes",)) for badness, one in even]
+            named = [Candidate(one, -badness / CLEAR_STROKES, ("strokes at constant speed",)) for badness, one in even]
         chosen = self._choose("position", named, why)
         if chosen is not None:
             self._accept("position", chosen)
@@ -404,7 +404,7 @@ class RoleSearch:
         return "", ASK_CHAMBER
 
     def _unit_of_time(self) -> None:
-        """Find the unit of the time, which is the first guess, if the file does not state it; otherwise ask."""
+        """Find the unit of the time from its numbers if the file does not state it; if that fails, ask."""
         time, position, metres = self.guess("time"), self.guess("position"), None
         if time is None or time.source is None or time.unit:
             return
@@ -425,7 +425,7 @@ class RoleSearch:
             is_open = sum("pressure" in text for text in known) < 2 if role == "pressure" else role not in known
             if role is not None and is_open and length > 1 and not SECONDARY.search(words_of(name)):  # 1: a constant
                 usual = self.columns[0].values.size
-                why = f"channel {name!r} has {length} values and the others have {usual}: resample it to their times"
+                why = f"channel {name!r} has {length} values, the others have {usual}: resample it to their time column"
                 self.questions.append(Question(role, why))
 
     def _settle(self, role: str, named: list[Candidate], note: str = "") -> None:
@@ -548,7 +548,7 @@ INDEX_SHARE = 0.99  # least share of steps of exactly 1 of an index
 
 
 def _rises(some: Array, moduli: Iterable[float]) -> bool:
-    """Return whether finite values rise like a time, after unwrapping by a modulus."""
+    """Return whether finite values increase like a time, after unwrapping by a modulus."""
     some, _ = unwrapped(some, moduli, forward=True)
     steps = np.diff(some)
     if steps.size < 2 or not steps.any():
@@ -574,13 +574,13 @@ def unit_by_size(time: Array, position_m: Array | None) -> tuple[str, str]:
         fits = [unit for unit in fits if SPEEDS_M_S[0] <= speed / UNITS_S[unit] <= SPEEDS_M_S[1]]
     if len(fits) == 1:
         shown = "" if speed is None else f" and {speed / UNITS_S[fits[0]] * 1e3:.3g} mm/s"
-        return fits[0], f"unit by the size of the steps: {step * UNITS_S[fits[0]]:.3g} s{shown}"
+        return fits[0], f"unit from the size of the steps: {step * UNITS_S[fits[0]]:.3g} s{shown}"
     which = " or ".join(fits) if fits else "none of s, ms and us fits usual steps and speeds"
     return "", f"the unit of the time is not stated ({which}): state it"
 
 
 def _usual_speed(time: Array, position_m: Array | None) -> float | None:
-    """Return the usual speed of the piston, m per unit of the time."""
+    """Return the usual speed of the piston, in m per unit of the time."""
     if position_m is None:
         return None
     good = np.isfinite(time) & np.isfinite(position_m)

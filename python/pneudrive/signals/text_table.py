@@ -86,7 +86,7 @@ class ForeignTable:
 
 
 def read_bytes(path: Path) -> bytes:
-    """Read a file, decompressed by its suffix, with one clear message on failure."""
+    """Read a file, decompressed according to its suffix; all failures are a `RecordingError`."""
     data = b"".join(pieces(path, RecordingError, folder="name the files, as in folder/*.csv"))
     if not data.strip():
         raise RecordingError("the file is empty", where=str(path))
@@ -139,13 +139,13 @@ def number_pattern(form: TextForm) -> str:
 
 
 def _thousands(form: TextForm) -> str:
-    """Return the expression of the thousands separator. Each blank represents all blanks."""
+    """Return the expression of the thousands separator. A blank stands for every kind of blank."""
     mark = form.thousands or ""
     return r"[\s\u00a0\u202f]" if mark.isspace() else re.escape(mark)
 
 
 def measurable(values: Array) -> Array:
-    """Return numbers with NaN instead of infinite numbers and numbers with infinite squares."""
+    """Return the numbers; those that are infinite, or have an infinite square, become NaN."""
     if values.size and values.min() > -NO_SENSOR and values.max() < NO_SENSOR:  # False if one is NaN
         return values
     return np.where(np.abs(values) < NO_SENSOR, values, np.nan)
@@ -197,7 +197,7 @@ def read_text(
     Raises
     ------
     RecordingError
-        If a column is missing, or more than 1 % of the rows are not numbers.
+        A column is missing, or more than 1 % of the rows are not numbers.
     """
     import polars as pl
 
@@ -224,7 +224,11 @@ def read_text(
     bad = np.flatnonzero(~good.to_numpy())
     if bad.size > max(UNREADABLE_SHARE * len(rows), 1):
         where, line = f"{path}, line {rows[bad[0]] + 1}", lines[rows[bad[0]]].strip()[:120]
-        raise RecordingError.of("signals.no-number-rows", where=where, value=line, count=bad.size, every=len(rows))
+        sign = "," if form.decimal == "." else "."
+        is_other = sign != form.delimiter and re.search(rf"\d{re.escape(sign)}\d", line)
+        hint = f'the numbers have another decimal sign than the layout states: decimal = "{sign}"' if is_other else None
+        at = {"where": where, "value": line, "remedy": hint}
+        raise RecordingError.of("signals.no-number-rows", **at, count=bad.size, every=len(rows))
     return ForeignTable(
         {name: column for name, column in columns.items() if name in needed or np.isfinite(column).any()},
         chosen,
@@ -302,7 +306,7 @@ def column_number(column: int | str, names: Fields, width: int, path: Path, *, i
             if not names and is_text:
                 remedy = "write header = true, or give its number from 0"
             elif len(names) == 1 and is_text:
-                remedy = 'the header was read as one name: state what separates columns, as delimiter = "comma"'
+                remedy = 'this line has one name: correct skip_lines, or state the separator: delimiter = "comma"'
             value = f"columns: {', '.join(names) or 'no header is read (header = false)'}"
             raise RecordingError(f"there is no column '{column}'", where=str(path), value=value, remedy=remedy)
         places = [at for at, name in enumerate(names) if name == column]
@@ -424,7 +428,7 @@ def sniff_text(path: Path, data: bytes) -> FileForm:
     Raises
     ------
     RecordingError
-        If the file is empty, binary, or has no table of numbers, or if a sign can mean decimals or thousands.
+        The file is empty, binary or has no table of numbers, or a sign can mean decimals or thousands.
     """
     lines = decode(data, path).splitlines()
     tail = [line for line in lines if line.strip() and not line.startswith("#")]
@@ -460,7 +464,7 @@ def _sample(tail: Lines) -> Lines:
 def _candidates(sample: Lines) -> list[TextForm]:
     """Return the possible formats. Numbers contain the delimiter only inside quotes.
 
-    A sign can separate both thousands and decimals only if a field has it twice.
+    A sign can separate both thousands and decimals only if a field contains it twice.
     """
     forms, has_quotes = [], any('"' in line for line in sample)
     for delimiter in DELIMITERS:
@@ -504,7 +508,7 @@ def _told(fit: list[_Reading], sample: Lines, path: Path) -> _Reading:
     Raises
     ------
     RecordingError
-        If nothing in the file shows whether a comma means decimals or thousands.
+        Nothing in the file shows whether a comma means decimals or thousands.
     """
     best = fit[0]
     decimals = [one for one in fit if one.form.decimal == "," and one.form.thousands is None]
@@ -605,8 +609,8 @@ def read_preamble(lines: Lines, form: TextForm, width: int) -> tuple[Fields, tup
     Returns
     -------
     list, tuple, dict, str
-        Units of the columns; time steps of the samples, s: one for all channels, or one for each; first times by
-        column, s; and the line that states the steps.
+        Units of the columns; time steps of the samples in s (one for all channels, or one for each); first times in s
+        by column; and the line that states the steps.
     """
     steps: tuple[float, ...] = ()
     source = ""

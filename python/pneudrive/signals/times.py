@@ -82,7 +82,7 @@ def seconds(values: NDArray | Sequence[str], form: str, path: Path) -> Array:
     Raises
     ------
     RecordingError
-        If no text is a date of that format.
+        No text is a date of that format.
     """
     if isinstance(values, np.ndarray) and values.dtype.kind == "M":
         count = values.astype("datetime64[ns]").astype(np.int64)
@@ -130,7 +130,7 @@ SLOW = 2  # least usual distance of the values of a slow channel, in rows
 
 
 def unwrapped(values: Array, moduli: Iterable[float], *, forward: bool = False) -> tuple[Array, int]:
-    """Return a counter without wraps, and the number of wraps. Other columns are unchanged.
+    """Return a counter with its wraps removed, and their number. Other columns are unchanged.
 
     An n-bit counter has whole numbers within a range of less than 2^n, and jumps by nearly this range.
 
@@ -141,7 +141,7 @@ def unwrapped(values: Array, moduli: Iterable[float], *, forward: bool = False) 
     moduli : iterable of float
         Possible heights of a jump.
     forward : bool
-        Whether the counter only increases, like a time, so that every jump is backwards.
+        Whether the counter only increases, like a time: every backward jump is then a wrap.
     """
     there = np.flatnonzero(np.isfinite(values))
     some = values[there]

@@ -29,9 +29,9 @@ VACUUM = 1e-4  # pressure behind a valve with choked flow, over that before the 
 def steady_flow(
     parts: Keyed, way: Sequence[tuple[str, str, str]], before_pa: float, behind_pa: float, gas: Gas
 ) -> float:
-    """Return the steady mass flow through components in series between two pressures, kg/s.
+    """Return the steady mass flow in kg/s through components in series between two pressures.
 
-    The pressures between the components are found by a simulation until they are constant.
+    The components are simulated for 5 s. The pressures between them are then constant.
 
     Parameters
     ----------
@@ -40,7 +40,7 @@ def steady_flow(
     way : sequence of (str, str, str)
         Each component with its inlet and outlet port, in the direction of the flow.
     before_pa, behind_pa : float
-        Pressures at both ends, absolute. The gas before the path has the temperature of ISO 6358.
+        Absolute pressures in Pa before and behind the path. The gas before the path has the temperature of ISO 6358.
     gas : Gas
     """
     from pneudrive.describe import Circuit
@@ -80,13 +80,13 @@ class MotionResult(NamedTuple):
     ----------
     columns : dict
         ``time_s``, ``carriage_position_m``, ``position_m``, ``sensor_force_n``, ``friction_force_n``,
-        ``pressure_a_pa``, ``supply_pressure_a_pa`` and so on. The inner states of friction follow.
+        ``pressure_a_pa``, ``supply_pressure_a_pa`` and so on, then the inner states of friction.
     statistics : dict
         Counts of the integration: steps, attempts, events.
     state : list of float
         State at the end; the next motion can begin from it.
     commanded_m : float
-        Commanded position of the carriage at the end, m.
+        Commanded position of the carriage at the end, in m.
     """
 
     columns: dict[str, Array]
@@ -105,7 +105,7 @@ class Dragged:
     piston, sensor, carriage : dict
         Parameters of these components, by the keys of their kinds, in SI.
     ambient_pa, temperature_k : float
-        Pressure and temperature of the room, Pa and K. Air and walls start at this temperature.
+        Pressure in Pa and temperature in K of the room. Air and walls start at this temperature.
     """
 
     def __init__(
@@ -173,14 +173,15 @@ class Dragged:
         Parameters
         ----------
         durations_s, jerks_m_s3 : sequence of float
-            Jerk of the carriage's commanded motion, m/s3, and its duration, s.
+            Duration in s and jerk in m/s3 of each phase of the carriage's commanded motion.
         times_s : sequence of float
-            Times of the samples, s, ascending.
+            Times of the samples in s, ascending.
         begin : float, sequence of float or mapping
-            Start position, at rest with an unstressed sensor; or the state at the end of an earlier motion, or by name.
+            Start position in m, at rest with an unloaded sensor; or the state at the end of an earlier motion; or start
+            values by name.
         rtol : float
         released : bool
-            Whether the carriage first moves freely until the sensor force is zero. Its position is then the command.
+            Whether the carriage first moves freely until the sensor force is zero. This position becomes the command.
         shut : bool
             Whether the supply is shut off.
         look : callable, optional

@@ -1,4 +1,4 @@
-"""The command of a valve over time, as steps that hold until the next entry, and the state at the start."""
+"""The command of a valve over time, as steps that hold until the next entry."""
 
 from __future__ import annotations
 
@@ -39,16 +39,16 @@ def steps(command: Command, times: Sequence[float] | None = None, signal: Comman
     command : number, str, path, sequence of pairs or callable
         A number holds for the whole run. Other forms are ``"0 s: 0.6, 1 s: -0.6"``, a CSV file with the columns time_s
         and command, or pairs of time and command. A time is in s, or a quantity such as ``"20 ms"``. A function of the
-        time in s is evaluated at `times` and held from each to the next, as by a digital controller.
+        time in s is evaluated at `times`, and each value holds until the next time, as by a digital controller.
     times : sequence of float, optional
-        Times, s, increasing from 0, at which a function is evaluated.
+        Times in s, increasing from 0, at which a function is evaluated.
     signal : Signal, optional
         Electrical input of the valve (``drive.valve.command``), for commands such as ``"0 s: 7.5 V"``.
 
     Returns
     -------
     times, commands : tuple of float
-        Times, s, increasing from 0, and commands, of equal length.
+        Times in s, increasing from 0, and the command at each time.
 
     Raises
     ------
@@ -72,7 +72,7 @@ def steps(command: Command, times: Sequence[float] | None = None, signal: Comman
         pairs = [(time, _number(command(time), f"command at {time:g} s:")) for time in times or (0.0,)]
         return _checked(pairs, signal)
     if not isinstance(command, Iterable):
-        raise CommandError(f"the command is a {type(command).__name__}", remedy=f"Give {FORMS}.")
+        raise CommandError(f"the command has the type {type(command).__name__}", remedy=f"Give {FORMS}.")
     pairs = []
     for number, pair in enumerate(command):
         try:
@@ -91,8 +91,8 @@ def plans(
     Parameters
     ----------
     given : mapping, str, sequence of str, or anything that `steps` reads; or None
-        Commands by component, or texts with the component in front, ``"valve_l: 0 s: 1, 0.5 s: -1"``. A command without
-        a name belongs to the only component with a command.
+        Commands by component, or texts that begin with the component, ``"valve_l: 0 s: 1, 0.5 s: -1"``. A command
+        without a name is for the only component with a command.
     commandable : mapping
         Component that takes a command -> its electrical input, if one is described.
     times : sequence of float, optional
@@ -130,7 +130,7 @@ def plans(
             raise CommandError("no component of the circuit takes a command", remedy="Leave the command out.")
         if not name and len(known) > 1:
             remedy = f'Name one: "{known[0]}: 0 s: 1".'
-            raise CommandError(f"the command names no component of: {', '.join(known)}", remedy=remedy)
+            raise CommandError(f"the command must name one of: {', '.join(known)}", remedy=remedy)
         if name and name not in commandable:
             raise CommandError(f'no component "{name}" takes a command', remedy=nearest(name, known))
         own = name or known[0]
@@ -210,11 +210,11 @@ def _from_file(path: Path, signal: CommandInput) -> Steps:
         fields = line.split(",")
         where = f"{path}:{number}"
         if len(fields) != 2:
-            raise CommandError(f"{len(fields)} values instead of 2", where=where, value=line.strip())
+            raise CommandError(f"the line has {len(fields)} values, not 2", where=where, value=line.strip())
         pairs.append((_number(fields[0], "time", where), _number(fields[1], "command", where)))
         places.append(where)
     if not pairs:
-        raise CommandError(f"{path} holds no entries", rule="the first entry is at 0 s")
+        raise CommandError(f"{path} has no entries", rule="the first entry is at 0 s")
     return _checked(pairs, signal, places)
 
 
@@ -227,7 +227,7 @@ def _checked(pairs: Sequence[tuple[float, float]], signal: CommandInput, places:
         if i == 0 and time != 0.0:
             raise CommandError(f"the command begins at {time:g} s", where=where, rule="the first entry is at 0 s")
         if not time > before:
-            raise CommandError(f"{time:g} s follows {before:g} s in the command", where=where, rule="times rise")
+            raise CommandError(f"{time:g} s follows {before:g} s in the command", where=where, rule="times increase")
         if not abs(value) <= 1.0:
             raise CommandError.of("simulation.command-out-of-range", where=where, given=value, time=time)
         if isinstance(signal, Positions):
@@ -243,7 +243,7 @@ def _time(text: str) -> float:
 
 
 def _opening(given: object, signal: CommandInput) -> float:
-    """Read one command: a number, or a voltage or current if the valve describes its electrical input."""
+    """Read one command: a number, or a voltage or current if the electrical input of the valve is described."""
     unit = given.split()[1:] if isinstance(given, str) else []
     if not unit:
         return _number(given, "command")

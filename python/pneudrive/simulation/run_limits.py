@@ -46,7 +46,7 @@ def warnings(described: DriveOrCircuit, columns: Keyed) -> list[str]:
     Parameters
     ----------
     described : Drive or Circuit
-        The simulated object.
+        Simulated drive or circuit.
     columns : mapping
         Columns of the trajectory.
     """
@@ -93,12 +93,12 @@ def _hot(described: DriveOrCircuit, places: list[GasVolume], time_s: Any) -> Ite
         when = time_s[int(worst.temperature_k.argmax())]
         yield (
             f"the gas in {worst.name} reaches {_celsius(hottest)} at {when:.4g} s, "
-            f"where its heat capacity is {100.0 * excess:.1f} % higher than the model's"
+            f"where its heat capacity is {100.0 * excess:.1f} % higher than in the model"
         )
 
 
 def _gas_name(described: DriveOrCircuit) -> str:
-    """Return the name of the gas: air by its gas constant, empty for an unknown gas."""
+    """Return the name of the gas. Air is recognised by its gas constant; an unknown gas has an empty name."""
     gas = described.gas
     is_air = gas.name in (None, "air") and gas.gas_constant_j_kg_k == AIR_GAS_CONSTANT_J_KG_K
     return "air" if is_air else gas.name or ""
@@ -125,13 +125,13 @@ def _gas(described: DriveOrCircuit, places: list[GasVolume], time_s: Any) -> Ite
                 worst, off = (place.name, pressure, temperature, row), share
     if worst is not None:
         name, pressure, temperature, row = worst
-        law = "the ideal gas" if gas.model == "ideal" else "the virial gas law"
+        law = "the ideal gas law" if gas.model == "ideal" else "the virial gas law"
         remedy = (
             '; gas.model = "virial" includes this coefficient' if gas.model == "ideal" and gas.name in VIRIAL else ""
         )
         yield (
-            f"the gas in {name} is far from its law at {time_s[row]:.4g} s: at {1e-5 * pressure:.3g} bar abs and "
-            f"{_celsius(temperature)} the second virial coefficient is {100.0 * abs(off):.2g} % of the pressure, and "
+            f"the gas in {name} deviates from its law at {time_s[row]:.4g} s: at {1e-5 * pressure:.3g} bar abs and "
+            f"{_celsius(temperature)}, the second virial coefficient adds {100.0 * abs(off):.2g} % of the pressure; "
             f"{law} is valid up to {100.0 * most:g} % (assumed){remedy}"
         )
 
@@ -151,7 +151,7 @@ def _pistons(described: DriveOrCircuit, columns: Keyed) -> Iterator[str]:
             when = columns["time_s"][row]
             yield (
                 f"{name} leaves its stroke: it is at {1e3 * position[row]:.6g} mm at {when:.4g} s, and its stroke is "
-                f"0 to {1e3 * stroke:g} mm. A piston has no end stops: take a cylinder, or join stops to it"
+                f"0 to {1e3 * stroke:g} mm. A piston has no end stops: use a cylinder, or connect stops to the piston"
             )
 
 
@@ -187,12 +187,12 @@ SATURATED = 1.01
 
 
 def saturation_pressure(temperature_k: Array | float) -> Array:
-    """Return the saturation pressure of water vapour, Pa: over water, below 0 degC over ice.
+    """Return the saturation pressure of water vapour in Pa: over water, below 0 degC over ice.
 
     Parameters
     ----------
     temperature_k : array or float
-        Any shape.
+        Temperatures in K, of any shape.
 
     Examples
     --------
@@ -207,7 +207,7 @@ def saturation_pressure(temperature_k: Array | float) -> Array:
 
 
 def dew_point(vapour_pressure_pa: float) -> float:
-    """Return the dew point, K, of a vapour pressure in Pa. Below 0 degC, return the frost point.
+    """Return the dew point in K of a vapour pressure in Pa. Below 0 degC, return the frost point.
 
     Examples
     --------
@@ -237,8 +237,8 @@ def water_warnings(described: DriveOrCircuit, columns: Keyed) -> Iterator[str]:
             wall = float(np.broadcast_to(wall_k, vapour.shape)[at])
             what = "ice may form" if wall < ZERO_CELSIUS_K else "water may condense"
             yield (
-                f"{what} on the wall of {place.name}: {_when(time_s[at], place.pressure_pa[at])} the gas has its "
-                f"{_point(vapour[at])}, the wall is at {_celsius(wall)}"
+                f"{what} on the wall of {place.name}: {_when(time_s[at], place.pressure_pa[at])}, the gas has the "
+                f"{_point(vapour[at])}, and the wall is at {_celsius(wall)}"
             )
         in_gas = vapour / saturated
         at = int(in_gas.argmax())
@@ -247,7 +247,7 @@ def water_warnings(described: DriveOrCircuit, columns: Keyed) -> Iterator[str]:
             what = "fog or ice" if gas < ZERO_CELSIUS_K else "fog"
             outside = " and in its exhaust" if in_exhaust.max() > SATURATED else ""
             yield (
-                f"{what} may form in {place.name}{outside}: {_when(time_s[at], place.pressure_pa[at])} the gas is at "
+                f"{what} may form in {place.name}{outside}: {_when(time_s[at], place.pressure_pa[at])}, the gas is at "
                 f"{_celsius(gas)}, below its {_point(vapour[at])}"
             )
 
@@ -259,7 +259,7 @@ def water_share(drive: DriveOrCircuit) -> float | None:
 
 
 def _wall_k(described: DriveOrCircuit, columns: Keyed, place: GasVolume) -> Any:  # noqa: ANN401
-    """Return the wall temperature of a volume, K: a column for a wall that stores heat, otherwise a number."""
+    """Return the wall temperature of a volume in K: a column for a wall that stores heat, otherwise a number."""
     own = place.column.partition(".")[0] if "." in place.column else "cylinder"
     wall = columns.get(f"{own}.wall_temperature_k") if "." in place.column else None
     wall = getattr(described.circuit.components[own], "wall_temperature_k", None) if wall is None else wall
@@ -291,9 +291,9 @@ class ExhaustAir:
     Attributes
     ----------
     mean_k : float
-        Mean temperature, weighted by the mass flow, K.
+        Mean temperature in K, weighted by the mass flow.
     coldest_k : float
-        Lowest temperature of gas that leaves, K.
+        Lowest temperature in K of gas that leaves.
     exhausts : int
         Number of exhausts, in which the gauge pressure of a chamber falls from half of its highest value to a quarter.
     """
@@ -303,7 +303,7 @@ class ExhaustAir:
     exhausts: int
 
     def frost_k(self, ambient_pa: float, supply_pa: float) -> float:
-        """Return the pressure dew point of the supply, K, above which ice can form in the silencer.
+        """Return the pressure dew point of the supply in K above which ice can form in the silencer.
 
         Gas with this dew point at `supply_pa` is saturated over ice at the mean temperature and at `ambient_pa`, both
         absolute.
@@ -317,9 +317,9 @@ def exhaust_air(columns: Keyed, ambient_pa: float) -> ExhaustAir | None:
     Parameters
     ----------
     columns : mapping
-        Columns of the trajectory, SI.
+        Columns of the trajectory in SI.
     ambient_pa : float
-        Ambient pressure, absolute.
+        Absolute ambient pressure in Pa.
     """
     import numpy as np
 
@@ -351,13 +351,13 @@ def _ice(described: DriveOrCircuit, columns: Keyed) -> Iterator[str]:
         return
     mean, coldest, dry = (_celsius(kelvin, 0) for kelvin in (air.mean_k, air.coldest_k, frost))
     yield (
-        f"exhaust air: {mean} on average, {coldest} for a moment. The motion hardly changes. Ice can form in the "
+        f"exhaust air: {mean} on average, {coldest} at the lowest. The motion hardly changes. Ice can form in the "
         f"silencer if the pressure dew point of the supply is above {dry}"
     )
 
 
 def _chambers(columns: Keyed) -> Iterator[tuple[Array, Array, Array]]:
-    """Yield pressure, Pa, temperature, K, and net inflow, kg/s, of each chamber of a cylinder."""
+    """Yield pressure in Pa, temperature in K and net inflow in kg/s of each chamber of a cylinder."""
     for place in gas_volumes(columns):
         flow = columns.get(place.column.replace("pressure", "mass_flow").removesuffix("_pa") + "_kg_s")
         if flow is not None and place.column.count(".") in (0, 2):

@@ -30,7 +30,7 @@ def run_view(columns: Keyed, provenance: Keyed, described: DriveOrCircuit | None
     Parameters
     ----------
     columns : mapping
-        Name of a column in a file -> array, SI.
+        Name of a column in a file -> array in SI.
     provenance : mapping
         Attributes of the run; empty for a run from a CSV file.
     described : Drive or Circuit, optional
@@ -49,7 +49,7 @@ def run_view(columns: Keyed, provenance: Keyed, described: DriveOrCircuit | None
         sum(float(np.trapezoid(np.maximum(flow[::nth], 0.0), time[::nth])) for flow in flows) / density / LITRE
         for nth in (1, 2)
     )
-    amount = litres if abs(litres - coarse) <= MOST_APART * litres else "not resolved by the samples: --energy has it"
+    amount = litres if abs(litres - coarse) <= MOST_APART * litres else "not resolved by the samples: use --energy"
     air = ShownValue("air", "all chambers", f"{'air' if described is None else 'gas'} into chambers, l ANR", amount)
     peaks = list(_peaks(columns))
     begun = [_begun(provenance, impact) for impact in impacts]
@@ -80,9 +80,9 @@ def run_view(columns: Keyed, provenance: Keyed, described: DriveOrCircuit | None
 
 
 def _begun(provenance: Keyed, impact: Keyed) -> float | None:
-    """Return the time of the command that moves the piston to the end of an impact, s, and from then on does not turn.
+    """Return the time in s of the command towards the end of an impact, if no reversal follows before the impact.
 
-    Without such a command it is the time at which the command becomes 0, as for the return by a spring, or None.
+    Without such a command, return the time at which the command becomes 0, as for the return by a spring, or None.
     """
     sign = 1.0 if impact["end"] == "b" else -1.0
     begun, before = None, -1.0

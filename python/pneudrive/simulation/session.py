@@ -53,7 +53,7 @@ class Variable(NamedTuple):
 
 @dataclass(frozen=True, repr=False)
 class Linear(Shown):
-    """Linearised drive about a state x0 and inputs u0: ``x' = rates + A (x - x0) + B (u - u0)``, outputs by C and D.
+    """Linearised drive about a state x0 and inputs u0: ``x' = rates + A (x - x0) + B (u - u0)``, outputs with C and D.
 
     Attributes
     ----------
@@ -79,11 +79,11 @@ class Linear(Shown):
 
 
 class Session:
-    """A running drive or circuit. `Drive.start` and `Circuit.start` make it.
+    """A running drive or circuit. `Drive.start` and `Circuit.start` return it.
 
     An input is set by name, and holds until it is set again. The integration ends exactly at the times of `advance` and
-    `schedule`, and then continues with its step size. Short calls use a method of lower order, which needs less work at
-    the same tolerance. An invalid call raises an error and leaves the session unchanged.
+    `schedule`, and then continues with the same step size. Short calls use a method of lower order, which needs less
+    work at the same tolerance. An invalid call raises an error and leaves the session unchanged.
 
     Examples
     --------
@@ -107,7 +107,7 @@ class Session:
 
     @property
     def time(self) -> float:
-        """Present time, s."""
+        """Present time in s."""
         return self._core.time
 
     @property
@@ -135,7 +135,7 @@ class Session:
             Name of an input in `variables`: ``"command"``, ``"load_force_n"``, ``"supply_pressure_pa"`` (absolute),
             ``"opening_supply_a"``, ... An opening of the valve that is set directly holds until the next command.
         value : float
-            In the unit of the input.
+            Value in the unit of the input.
 
         Raises
         ------
@@ -157,8 +157,8 @@ class Session:
         name : str
             Name of an input.
         entries : iterable of (float, float)
-            Pairs of a time in s, not before the present, and a value. If several entries have the same time, the last
-            one holds.
+            Pairs of a time in s and a value, with no time before the present time. If several entries have the same
+            time, the last one holds.
 
         Raises
         ------
@@ -188,7 +188,7 @@ class Session:
         Parameters
         ----------
         until : float
-            A time of the session in s, not a duration, and not before the present one (`time`).
+            Time of the session in s (not a duration), not before the present `time`.
         progress, cancel : optional
             See `pneudrive.progress.Watch`. A cancelled session has a time before `until` and can continue.
 
@@ -197,7 +197,7 @@ class Session:
         CommandError
             The time is not a number or has passed.
         SimulationError
-            The solver cannot continue. The session ends here, and only `restore` revives it.
+            The solver cannot continue. The session ends, unless `restore` is called.
         Cancelled
             `cancel` was set.
         """
@@ -222,7 +222,7 @@ class Session:
         progress: Progress | None = None,
         cancel: Flag | None = None,
     ) -> dict[str, np.ndarray]:
-        """Run a sampled controller, whose commands hold for one period each.
+        """Run a sampled controller. Each command holds for one period.
 
         Parameters
         ----------
@@ -231,9 +231,9 @@ class Session:
             function compiled by ``numba.cfunc("float64(float64, CPointer(float64))")``, or a `ctypes` function with
             these types, is called without Python.
         period : float
-            Time between two samples, s.
+            Time between two samples in s.
         until : float
-            Time of the last sample, s: the present time plus a whole number of periods.
+            Time of the last sample in s: the present time plus a whole number of periods.
         reads : sequence of str
             Names of outputs, for instance ``"cylinder.position_m"`` in a circuit.
         command : str
@@ -254,7 +254,7 @@ class Session:
         SimulationError
             The solver cannot continue.
         Exception
-            Any exception of the controller. The session stays at the time of this sample.
+            Any exception that the controller raises. The session stays at the time of that sample.
 
         Examples
         --------
@@ -323,7 +323,7 @@ class Session:
         Raises
         ------
         CommandError
-            The bytes are not from such a session, or damaged.
+            The bytes are not from such a session, or are damaged.
         """
         if not isinstance(saved, bytes):
             raise CommandError(f"a {type(saved).__name__} is not a saved session", rule="bytes, as `save` returns them")
@@ -344,7 +344,7 @@ class Session:
         Raises
         ------
         CommandError
-            The input does not exist, or the command is 0, because a shut valve has a different slope to each side.
+            The input does not exist, or the command is 0: a closed valve has different slopes to both sides.
         SimulationError
             The session cannot continue.
         """
@@ -392,7 +392,7 @@ class Session:
 
 
 def _address(controller: object) -> int:
-    """Return the address of a compiled controller, and 0 for one in Python."""
+    """Return the address of a compiled controller, or 0 for a controller in Python."""
     code = getattr(controller, "ctypes", controller)  # of a function that Numba compiled
     if not isinstance(code, CFuncPtr):
         if not callable(controller):

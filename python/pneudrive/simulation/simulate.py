@@ -75,9 +75,9 @@ class Run(Shown):
 def _dataset(variables: dict[str, xr.Variable], attrs: Plain) -> xr.Dataset:
     """Make a data set of columns over time.
 
-    xarray's public constructor compares and aligns variables, which takes longer than half a simulation, although all
-    variables have the same index. If the internal constructor is missing or has changed, the public constructor is
-    used.
+    The public constructor of xarray aligns variables, which takes more than half the time of a simulation. Here all
+    variables have the same index, so that the internal constructor suffices. If it is missing or has changed, the
+    public constructor is used.
     """
     import xarray as xr
     from xarray.indexes import PandasIndex
@@ -126,8 +126,9 @@ def simulate(
     rtol : float
         Relative tolerance of the solver.
     ledger : bool
-        Also integrate the balances of mass, energy and entropy. The states keep the same bits, and ``attrs["ledger"]``
-        reports how well the balances close. Not for the chamber law ``as-printed``, which does not conserve energy.
+        Also integrate the balances of mass, energy and entropy. The states stay exactly the same, and
+        ``attrs["ledger"]`` reports how well the balances close. Not for the chamber law ``as-printed``, which does not
+        conserve energy.
     sensitivities : sequence of str
         Parameters of the drive file, such as ``"friction.coulomb"``. For each variable, the result then also has the
         exact derivatives with respect to these parameters, such as ``sensitivity_position`` with dimensions parameter
@@ -135,8 +136,8 @@ def simulate(
         start state. Not for circuits, and not for commands that are functions.
     budget : int, optional
         Limit on the attempted steps of the run. Default: 220,000, plus 100,000 for each second of motion and 100 for
-        each entry of the command; more below rtol = 1e-6, and down to one half above 11 states. Ordinary drives take
-        200 to 10,000 attempts per second.
+        each entry of the command. It is larger for rtol below 1e-6, and down to one half for more than 11 states.
+        Ordinary drives take 200 to 10,000 attempts per second.
     progress, cancel : optional
         See `pneudrive.progress.Watch`: a callback that gets the number of simulated seconds, and a flag that ends the
         run.
@@ -149,9 +150,9 @@ def simulate(
         with absolute pressure. Its ``attrs`` hold description_hash, version, solver, rtol, statistics, warnings,
         citations and assumed. command_steps of a drive has time in s and command of each change (at most 1000). impacts
         has each contact with an end stop as a dict. Its entries are time_s, end ("a" or "b"), speed_m_s (at first
-        touch), energy_j (kinetic, of all that moves towards it), depth_m, peak_force_n (the largest until it leaves),
-        and met_cover (whether the stop was fully compressed). A contact slower than 1 mm/s that does not fully compress
-        the stop is not listed.
+        touch), energy_j (kinetic energy of all parts that move towards the stop), depth_m, peak_force_n (largest force
+        until the piston leaves the stop), and met_cover (whether the stop was fully compressed). A contact slower than
+        1 mm/s that does not fully compress the stop is not listed.
 
     Raises
     ------
@@ -209,14 +210,14 @@ def run(
     samples = seconds * rate
     if not 1.0 <= round(samples) <= MOST_SAMPLES:
         raise CommandError(
-            f"duration = {seconds:g} s at sample_rate = {rate:g} Hz makes {samples:.3g} samples",
+            f"duration = {seconds:g} s at sample_rate = {rate:g} Hz gives {samples:.3g} samples",
             rule=f"1 to {MOST_SAMPLES:.0e} samples",
         )
     has_function = callable(command) or (isinstance(command, Mapping) and any(map(callable, command.values())))
     asked = [k / rate for k in range(round(samples))] if has_function else None
     check_tolerance(rtol)
     if budget is not None and (isinstance(budget, bool) or not 1 <= budget <= MOST_BUDGET):
-        raise CommandError(f"budget = {budget} is out of bounds", rule=f"1 to {MOST_BUDGET:.0e} attempts at a step")
+        raise CommandError(f"budget = {budget} is out of bounds", rule=f"1 to {MOST_BUDGET:.0e} attempted steps")
     plans = commands.inputs(command, drive.commandable, asked)
     core, start = ready(drive, initial)
     watch.look()
@@ -244,7 +245,7 @@ def run(
 
 
 def _steps(times: Sequence[float], values: Sequence[float]) -> dict[str, list[list[float]]]:
-    """Return the exact times of command changes for the provenance. Samples show a change with a delay."""
+    """Return exact times and values of command changes for the provenance. Samples show a change with a delay."""
     found = [[t, values[i]] for i, t in enumerate(times) if not i or values[i] != values[i - 1]]
     return {"command_steps": found} if len(found) <= MOST_STEPS else {}
 
@@ -254,8 +255,8 @@ def _open_ledger(ledger: Plain | None, rtol: float) -> list[str]:
     if ledger is None or abs(ledger["energy_error"]) <= max(ENERGY_CLOSES, ENERGY_RTOL * rtol):
         return []
     return [
-        f"the energy balance is off by {abs(ledger['energy_error']):.1e} of the throughput: friction or flow is not "
-        f"resolved; choose rtol below {rtol:.1e}, or bristles with less damping"
+        f"the energy balance has an error of {abs(ledger['energy_error']):.1e} of the energy throughput: friction or "
+        f"flow is not resolved; choose rtol below {rtol:.1e}, or bristles with less damping"
     ]
 
 
@@ -276,7 +277,7 @@ def _provenance(drive: DriveOrCircuit, result: SimulationResult, rtol: float) ->
 
 
 def made_from(described: DriveOrCircuit, rtol: float) -> Plain:
-    """Return the description and the solver of a run."""
+    """Return title and hash of the description, version, solver and tolerance of a run."""
     names = {"title": described.name, "description_hash": described.description_hash}
     return names | {"version": __version__, "solver": SOLVER, "rtol": rtol}
 
@@ -288,7 +289,7 @@ def _label(column: str, said: str | None) -> tuple[str, tuple[tuple[str, str], .
 
 
 def require(given: object, has: str, what: str, instead: str) -> None:
-    """Reject a path or a dict instead of the described object, without importing its class."""
+    """Reject an object that is not a description, such as a path or a dict, without importing classes."""
     if not hasattr(given, has):
         raise DescriptionError(f"{what} is a {type(given).__name__}", remedy=f"Write {instead}.")
 
@@ -338,7 +339,7 @@ def positive(given: str | float, si_unit: str, what: str) -> float:
 
 
 def number_of(given: str | float, si_unit: str, what: str) -> float:
-    """Return a quantity in SI.
+    """Read a quantity and return it in SI.
 
     Raises
     ------
@@ -349,8 +350,8 @@ def number_of(given: str | float, si_unit: str, what: str) -> float:
         with naming(what):
             value = units.parse(given, si_unit) if isinstance(given, str) else float(given)
     except (TypeError, ValueError):
-        rule = f"a text with its unit, or a number in {si_unit}"
-        raise CommandError(f"{what} = {given} is of the type {type(given).__name__}", rule=rule) from None
+        rule = f"a text with a unit, or a number in {si_unit}"
+        raise CommandError(f"{what} = {given} has the type {type(given).__name__}", rule=rule) from None
     if not math.isfinite(value):
         raise CommandError(f"{what} = {given} is out of bounds", rule="finite")
     return value
@@ -362,16 +363,15 @@ def citations(run: xr.Dataset) -> str:
     Parameters
     ----------
     run : xarray.Dataset
-        From `simulate`.
+        Run of `simulate`.
 
     Raises
     ------
     PneudriveError
         The dataset has no citations, or a source is missing.
     """
-    keys = run.attrs.get("citations")
+    keys = getattr(run, "attrs", {}).get("citations")
     if keys is None:
-        raise PneudriveError(
-            "this dataset has no list of citations", remedy="Pass a dataset that pn.simulate returned."
-        )
+        what = f"this {type(run).__name__} has no list of citations"
+        raise PneudriveError(what, remedy="Pass a dataset that pn.simulate returned. A report lists sources of a fit.")
     return "\n\n".join(bibtex(key) for key in keys)

@@ -80,7 +80,7 @@ def check_si(run: xr.Dataset) -> None:
     for name, variable in run.variables.items():
         if "column" in variable.attrs and variable.attrs.get("units") != (unit := meaning(variable.attrs["column"])[1]):
             what = f"{name} of this run is in {variable.attrs.get('units')}"
-            raise CommandError(what, rule=f"in SI, here {unit}", remedy="Pass the run in SI.")
+            raise CommandError(what, rule=f"a run in SI, here in {unit}", remedy="Pass the run in SI.")
 
 
 def check_target(path: str | Path, suffixes: tuple[str, ...] = SUFFIXES) -> Path:
@@ -89,7 +89,7 @@ def check_target(path: str | Path, suffixes: tuple[str, ...] = SUFFIXES) -> Path
     Raises
     ------
     CommandError
-        Unknown suffix, or a folder that does not exist or is not writable.
+        The suffix is unknown, or the folder does not exist or is not writable.
     """
     path = Path(path)
     if path.suffix.lower() not in suffixes:
@@ -112,7 +112,7 @@ def whole(path: Path) -> Iterator[Path]:
     Raises
     ------
     CommandError
-        The disk is full, the folder not writable, ...; the temporary file is removed.
+        The file cannot be written, for instance on a full disk. The temporary file is removed.
     """
     temporary = path.with_name(f".pneudrive-{secrets.token_hex(8)}{path.suffix}")  # random: no link waits under it
     try:
@@ -126,26 +126,26 @@ def whole(path: Path) -> Iterator[Path]:
 
 
 def write_whole(target: Path, text: str, encoding: str = "utf-8") -> Path:
-    """Write a text file by `whole`, and return its path."""
+    """Write a text file with `whole`, and return its path."""
     with whole(target) as temporary:
         temporary.write_text(text, encoding=encoding)
     return target
 
 
 def save(run: xr.Dataset, path: str | Path) -> Path:
-    """Write a trajectory as Parquet, CSV or netCDF, by the suffix of `path`.
+    """Write a trajectory as Parquet, CSV or netCDF, as the suffix of `path` states.
 
     Parameters
     ----------
     run : xarray.Dataset
-        From `pneudrive.simulate`.
+        Run of `pneudrive.simulate`.
     path : path-like
         ``.parquet``, ``.csv`` or ``.nc``. Parquet and netCDF also store the provenance; CSV does not.
 
     Raises
     ------
     CommandError
-        Unknown suffix, or the file cannot be written.
+        The suffix is unknown, or the file cannot be written.
 
     Warns
     -----
@@ -166,13 +166,13 @@ def save(run: xr.Dataset, path: str | Path) -> Path:
         return target
     if left_out := [str(name) for name, variable in run.data_vars.items() if variable.dims != ("time",)]:
         warn(
-            f"{target.name} leaves out {', '.join(left_out)}: its table has one dimension, time. Write the run as .nc."
+            f"{target.name} leaves out {', '.join(left_out)}: a table has only the dimension time. Use the suffix .nc."
         )
     return save_columns(columns(run), run.attrs, target)
 
 
 def save_columns(table: Mapping[str, Array], provenance: Keyed, path: str | Path) -> Path:
-    """Write columns, whose names carry their units, as Parquet or CSV."""
+    """Write columns with units in their names as Parquet or CSV."""
     import polars as pl
 
     target = check_target(path, (".parquet", ".csv"))
@@ -182,7 +182,7 @@ def save_columns(table: Mapping[str, Array], provenance: Keyed, path: str | Path
 
 
 def write_frame(frame: pl.DataFrame, target: Path, metadata: dict[str, str] | None = None) -> None:
-    """Write a table as Parquet or CSV, by the suffix of `target`; only Parquet keeps the metadata.
+    """Write a table as Parquet or CSV, as the suffix of `target` states. Only Parquet keeps the metadata.
 
     Raises
     ------
@@ -208,7 +208,7 @@ def column_names(path: Path, kind: ErrorKind = RecordingError) -> list[str]:
     Raises
     ------
     PneudriveError
-        The file does not exist, or is damaged; for a CSV file an error of `kind`.
+        The file does not exist, or is damaged. For a CSV file, the error has the class `kind`.
     """
     from pneudrive.files.tables import open_table
 

@@ -52,17 +52,17 @@ class TubedCylinder:
     cylinder, tube : PartChoice
     valves, flow_controls : list of PartChoice
     fill : float
-        Air that fills both sides, kg.
+        Air that fills both sides, in kg.
     tube_flow : float
-        Conductance of the tube, m3/(s Pa).
+        Conductance of the tube, in m3/(s Pa).
     open_checks : int
-        Smallest number of open checks of choices with the pair.
+        Smallest number of open checks over all choices with the pair.
     air : float or None
-        Air of a nominal cycle with the widest valve, kg; None before the probe.
+        Air (kg) of a nominal cycle with the widest valve; None before the probe.
     times : tuple of float
-        Times of the nominal strokes, out and back, s.
+        Times of the nominal strokes out and back, in s.
     late : Shortage or None
-        Reason why no choice with the pair can do the task; None while a choice may.
+        Reason why no choice with the pair can do the task; None if this is not known.
     """
 
     cylinder: PartChoice
@@ -78,21 +78,21 @@ class TubedCylinder:
 
     @property
     def least_air(self) -> float:
-        """Least air of a cycle over all choices with the pair, kg."""
+        """Least air of a cycle over all choices with the pair, in kg."""
         return LEAST_AIR * self.fill if self.air is None else (1.0 - AIR_SLACK["probed"]) * self.air
 
     @property
     def rank(self) -> Rank:
-        """Lower bound of the first part of the ranking key of its choices."""
+        """Lower bound of the first part of the ranking key, over all choices with the pair."""
         return rank_of(self.open_checks, self.least_air, 1.0)
 
     @property
     def count(self) -> int:
-        """Number of choices."""
+        """Number of choices with the pair."""
         return len(self.valves) * len(self.flow_controls)
 
     def probe(self, task: SizingTask) -> list[StrokeRuns]:
-        """Return the runs of the pair, nominal and fast, out and back, with its widest and earliest-opening valve."""
+        """Return both strokes in the nominal and the fast case, with the widest and earliest opening of all valves."""
         numbers: NamedNumbers = dict(self.valves[0].numbers)
         for valve in self.valves:
             paths = DriveChoice(self.cylinder, valve, self.tube, NO_FLOW_CONTROL).valve_paths
@@ -162,8 +162,8 @@ class SizingCandidate:
     guess : float
         Margin of the stroke time, estimated from the conductances in series.
     lead : SizingCandidate or None
-        The same choice with the widest valve and flow control. It is run first, because the needle limits the flow
-        anyway. A choice without flow controls has a lead if its valve is narrower than the lead with open needles.
+        A choice that is run first: the same parts with the widest valve or flow control, because a needle limits the
+        flow anyway. Without flow controls, a choice has a lead only if the lead's exhaust path is at least as wide.
     settings : Tuned or None
         Rough settings, or refined ones.
     is_tuned : bool
@@ -201,8 +201,11 @@ class SizingCandidate:
 
     @property
     def open_checks(self) -> int:
-        """Number of open checks of this candidate; a lower bound until its spreads are simulated."""
-        return self.pair.open_checks if self.drive is None else self.drive.open_checks
+        """Number of open checks of this candidate; a lower bound until the spreads are simulated."""
+        if self.drive is not None:
+            return len(self.drive.open_names)
+        is_shut = self.settings is not None and self.settings.setting.is_shut(is_rough=not self.is_tuned)
+        return self.pair.open_checks + is_shut
 
     @property
     def draws(self) -> int:
@@ -212,14 +215,15 @@ class SizingCandidate:
     def provisional(self) -> Provisional:
         """Return the results of nominal runs."""
         assert self.settings is not None
-        return Provisional(self.choice.parts, self.settings.air, self.settings.times, self.settings.least)
+        found = self.settings
+        return Provisional(self.choice.parts, found.air, found.times, found.least, found.short[0])
 
     def bound(self, final: int) -> Rank:
         """Return the best possible ranking key after `final` samples."""
         return rank_of(self.open_checks, *self.outlook(final), self.choice.sizes, self.choice.name)
 
     def outlook(self, final: int) -> Pair:
-        """Return the least air, kg, and the largest margin that are possible after `final` samples."""
+        """Return the least air (kg) and the largest margin that are possible after `final` samples."""
         if self.hardest is not None:
             return self.hardest.air * (1.0 - HARDEST_AIR), self.hardest.margin
         if (drive := self.drive) is not None:
@@ -236,7 +240,7 @@ class SizingCandidate:
 
     @property
     def is_slow(self) -> bool:
-        """Whether a stroke with fully open needles is too slow even in the fast case, also with narrower parts."""
+        """Whether a stroke with fully open needles is too slow even in the fast case. This includes narrower parts."""
         if self.settings is None:
             return self.lead is not None and self.lead.is_slow
         return not self.settings.times
@@ -291,7 +295,7 @@ class SizingCandidate:
             self._lose("spreads", f"{found.failed} of {final} samples miss a limit")
 
     def take_drive(self, found: SizedDrive, final: int) -> None:
-        """Store simulated spreads.
+        """Store the results of simulated spreads.
 
         The candidate is rejected if more samples fail than allowed, or than is likely for a passing choice.
         """

@@ -19,7 +19,7 @@ from pneudrive.constants import ANR_LITRES_PER_KG, STANDARD_GRAVITY_M_S2, USUAL_
 from pneudrive.describe.components import USUAL, unusual_sizes
 from pneudrive.errors import OPEN_CHECK
 from pneudrive.numbers import plain as three
-from pneudrive.sizing.strokes import COARSE, DRAWN, RTOL, DriveStrokes, Setting, StrokeResults
+from pneudrive.sizing.strokes import COARSE, DRAWN, LEAST_OPENING, RTOL, DriveStrokes, Setting, StrokeResults
 from pneudrive.sizing.task import WITHOUT, DriveChoice, PartChoice, SizingTask, energy_limit, peak_limit
 from pneudrive.views import Finding
 
@@ -45,9 +45,9 @@ class LimitMargin(NamedTuple):
     ----------
     name, unit : str
     limit : float
-        Limit, SI, before the margin of the task is subtracted.
+        Limit in SI, before the margin of the task is subtracted.
     worst : float
-        Value that 1 % of the samples exceed, SI.
+        Value in SI that 1 % of the samples exceed.
     margins : ndarray, shape (n,)
         Margin of each sample as a fraction of the limit; below 0 if the sample exceeds the limit.
     values : ndarray, shape (n,)
@@ -67,7 +67,7 @@ class LimitMargin(NamedTuple):
 
 
 def limits(task: SizingTask, choice: DriveChoice, out: StrokeResults, back: StrokeResults) -> list[LimitMargin]:
-    """Return the limits of a task with the margins of the draws.
+    """Return the limits of a task with the margins of all samples.
 
     Parameters
     ----------
@@ -154,14 +154,14 @@ def explained(draws: Array, margins: Array) -> NamedNumbers:
 
 
 class Shortage(NamedTuple):
-    """Limit that choices of parts miss, so that they are left out.
+    """Limit that excludes choices of parts, because they miss it.
 
     Attributes
     ----------
     limit : str
         Missed limit.
     share : float
-        Largest possible value divided by the required value, below 1. 0: no change of the task helps, or it is unknown.
+        Largest possible value divided by the required value, below 1; 0 if no change to the task helps, or if unknown.
     said : str
         The shortage in words.
     parts : dict
@@ -213,7 +213,7 @@ class MachineCheck(NamedTuple):
     rule : str
         Standard or rule of the check.
     remedies : tuple of str
-        Changes of task or catalogue. Any one of them lets the drive pass the check.
+        Changes to task or catalogue. Each of them alone lets the drive pass the check.
     """
 
     name: str
@@ -232,7 +232,7 @@ class MachineCheck(NamedTuple):
     @property
     def numbers(self) -> str:
         """The value and its limit in words."""
-        limit = "of the machine" if self.is_kept else "not on the sheet"
+        limit = "set by the machine" if self.is_kept else "not on the sheet"
         if self.limit is not None:
             limit = f"{three(self.limit)} {self.unit}"
         return f"{self.name}: {three(self.value)} {self.unit}, limit {limit}"
@@ -249,7 +249,7 @@ class MachineCheck(NamedTuple):
 
 
 def buckling_n(cylinder: PartChoice, task: SizingTask) -> float | None:
-    """Return the buckling force of the rod divided by the safety factor, N; None for a cylinder without a pushing rod.
+    """Return the buckling force (N) of the rod over the safety factor; None for a cylinder without a pushing rod.
 
     Euler: F = pi^2 E I / (k L)^2 with I = pi d^4/64, L the stroke.
     """
@@ -274,20 +274,20 @@ def _check(
 
 
 def mechanical_checks(cylinder: PartChoice, task: SizingTask, end_speed: float = 0.0) -> Iterator[MachineCheck]:
-    """Yield the checks that depend only on the cylinder: side load against its data sheet, and buckling of its rod.
+    """Yield the checks that depend only on cylinder and task: side load, supply pressure, buckling, stroke and speed.
 
-    Without a guide, the cylinder carries the weight of the load across its axis. A sheet may limit the speed at which
-    it may do so: compare `end_speed`, m/s, and the mean speed of the task. The largest force on the rod results from
-    the highest supply pressure on the whole piston.
+    Without a guide, the cylinder carries the weight of the load across its axis. Its speed, also with such a load, is
+    the larger of `end_speed` (m/s) and the mean speed of the task. The largest force on the rod results from the
+    highest supply pressure on the whole piston.
     """
+    speed, sheet = max(end_speed, task.stroke_m / min(task.outward_s, task.back_s)), "maker's sheet of the cylinder"
     if task.guide == "none" and task.across_n:
         carried = 'guide = "ball" or "plain", if the machine carries the load'
         limit = cylinder.printed_si("max_load", "N")
         most = cylinder.printed_si("max_load_speed", "m/s") or math.inf
-        speed = max(end_speed, task.stroke_m / min(task.outward_s, task.back_s))
-        rule = "maker's sheet of the cylinder"
+        rule = sheet
         if limit is not None and task.across_n <= limit and speed > most:
-            rule = f"the {three(limit)} N of the sheet hold up to {three(most)} m/s, not at {three(speed)}"
+            rule = f"the sheet allows {three(limit)} N up to {three(most)} m/s, but the speed is {three(speed)} m/s"
             limit = None
         yield _check("side load", task.across_n, limit, "N", rule, carried, f"printed.max_load {CATALOGUE}")
     gauge = task.supply_pa + task.supply.spread_pa - task.ambient.pressure_pa
@@ -301,12 +301,20 @@ def mechanical_checks(cylinder: PartChoice, task: SizingTask, end_speed: float =
         if "rod_diameter" in cylinder.assumed and THINNER**4 * buckles < push <= buckles:
             rule = f"assumed rod of {1e3 * cylinder.numbers['rod_diameter']:g} mm; {rule}"
         yield _check("buckling of the rod", push, buckles, "N", rule, f"rod_diameter {CATALOGUE}")
+    if isinstance(cylinder.table["stroke"], str):  # of the task: no stroke of the sheet
+        longest = task.max_stroke_m or cylinder.printed_si("max_stroke", "m")
+        offered = f'max_stroke = "{1e3 * task.stroke_m:g} mm", if the sheet has this stroke'
+        yield _check("stroke", task.stroke_m, longest, "m", sheet, offered, f"printed.max_stroke {CATALOGUE}")
+    fastest = cylinder.printed_si("max_speed", "m/s")
+    if fastest is not None or task.end_speed_m_s is None:  # otherwise a limit of the search
+        allowed = f'end_speed = "{math.ceil(1e2 * speed) / 1e2:g} m/s", if the sheet allows this speed'
+        yield _check("speed", speed, fastest, "m/s", sheet, allowed, f"printed.max_speed {CATALOGUE}")
 
 
 def machine_checks(choice: DriveChoice, task: SizingTask, drive: SizedDrive | None) -> list[MachineCheck]:
-    """Return the checks of a choice of parts: failed first, then undecided, then passed.
+    """Return the checks of a choice of parts: failed ones first, then undecided, then passed ones.
 
-    Without a simulation (`drive`), checks of energy and pressure do not fail.
+    Without simulation results (`drive`), the checks of energy and peak pressure do not fail.
     """
     cylinder, most_energy, peak, end_speed = choice.cylinder, 0.0, 0.0, 0.0
     if drive is not None:
@@ -318,7 +326,7 @@ def machine_checks(choice: DriveChoice, task: SizingTask, drive: SizedDrive | No
     most = USUAL_PEAK_PA + task.ambient.pressure_pa
     if peak_limit(task, choice) is None and peak > most:
         stated = f"peak_pressure, from the data sheet of the cylinder: {1e-5 * peak:.0f} bar abs or more"
-        rule = "assumed: usual cylinders take 1.5 times the 10 bar gauge of their supply"
+        rule = "assumed: usual cylinders withstand 1.5 times the usual limit of 10 bar gauge"
         found.append(_check("peak pressure", 1e-5 * peak, 1e-5 * most, "bar abs", rule, stated))
     if task.cycles_per_hour and (hourly := cylinder.printed_si("absorber_energy_per_hour", "J")):
         energy, rule = 2.0 * task.cycles_per_hour * most_energy, "maker's sheet of the absorber"
@@ -329,6 +337,10 @@ def machine_checks(choice: DriveChoice, task: SizingTask, drive: SizedDrive | No
         rule = "B10 of cylinder and valve, ISO 19973"
         remedy = f"printed.b10_cycles of both {CATALOGUE}"
         found.append(_check("life", task.cycles, life, "cycles", rule, remedy))
+    if drive is not None and (setting := Setting(**drive.setting)).is_shut():
+        rule = "assumed: below this limit, a needle cannot be set repeatably"
+        remedy = f"a smaller flow control than {choice.flow_control.name}: exclude it, or add one (--catalogue)"
+        found.append(_check("opening of a needle", 1e2 * setting.least_opening, 1e2 * LEAST_OPENING, "%", rule, remedy))
     if math.sin(task.incline_rad) or task.external_force_n:  # also if they balance: the mass has a spread
         found.append(_hanging_load(choice, task))
     for key, size, end, rule in unusual_sizes(task, USUAL | {"mass": USUAL["moving_mass"]}):
@@ -336,13 +348,13 @@ def machine_checks(choice: DriveChoice, task: SizingTask, drive: SizedDrive | No
     return sorted(found, key=lambda one: (one.is_kept is not False, one.is_kept is not None))
 
 
-def count_open(choice: DriveChoice, task: SizingTask, drive: SizedDrive | None = None) -> int:
-    """Return the number of open `machine_checks`."""
-    return sum(check.is_open for check in machine_checks(choice, task, drive))
+def open_names(choice: DriveChoice, task: SizingTask, drive: SizedDrive | None = None) -> tuple[str, ...]:
+    """Return the names of the open `machine_checks`."""
+    return tuple(check.name for check in machine_checks(choice, task, drive) if check.is_open)
 
 
 def _hanging_load(choice: DriveChoice, task: SizingTask) -> MachineCheck:
-    """Return the check that load and piston are held when the pressure fails: against weight and external force."""
+    """Return the check that load and piston are held against weight and external force when the pressure fails."""
     numbers = choice.cylinder.numbers
     along = STANDARD_GRAVITY_M_S2 * math.sin(task.incline_rad)
     nominal = task.static_force_n + numbers["moving_mass"] * along
@@ -351,17 +363,18 @@ def _hanging_load(choice: DriveChoice, task: SizingTask) -> MachineCheck:
     rule = "after ISO 4414: a loss of supply must cause no hazard"
     if task.held_by == "machine":
         return MachineCheck(name, hangs, None, "N", True, f'{rule}; held_by = "machine"')
-    holds, is_known = task.clamp_force_n, True
-    rule += "; held by the clamp of the task" if task.held_by else "; without a clamp only friction holds the load"
+    holds = task.clamp_force_n
+    rule += "; held by the clamp of the task" if holds else "; without a clamp only friction holds the load"
     if holds is None:
         holds = numbers["friction.parameters.coulomb"] * task.spread.friction[0]
-        is_known = holds < hangs or "friction.coulomb" not in choice.cylinder.assumed
-        rule += "" if is_known else ", and this friction is assumed"
+        is_assumed = any(key.startswith(("friction.coulomb", "friction.pressure")) for key in choice.cylinder.assumed)
+        if holds >= hangs and (is_assumed or "pressure" not in choice.cylinder.table["friction"]):
+            holds, rule = None, f"{rule}, and no measurement says how much of it remains without pressure"
     remedies = (
         f'a clamp: held_by = "clamp", clamp_force = "{math.ceil(hangs)} N" or more',
-        'held_by = "machine", if a lock or brake of the machine holds the load, or the force ends with the pressure',
+        'held_by = "machine", if a lock or brake holds the load, or the external force ends with the pressure',
     )
-    return MachineCheck(name, hangs, holds, "N", hangs <= holds if is_known else None, rule, remedies)
+    return _check(name, hangs, holds, "N", rule, *remedies)
 
 
 # --- Simulation results of a choice of parts, over the spreads or from nominal runs, and the ranking key.
@@ -371,7 +384,7 @@ READ = {"Pa": (1e-5, "bar abs")}
 
 
 def read(value: float, unit: str) -> str:
-    """Return a stored SI value as a number; infinite if the stroke does not end."""
+    """Return a value in SI as text with its unit. An infinite value means that the stroke does not end."""
     factor, shown = READ.get(unit, (1.0, unit))
     return f"{factor * value:.3g} {shown}" if value < math.inf else "the stroke does not end"
 
@@ -388,7 +401,7 @@ def rank_of(open_checks: int, air: float, margin: float, *rest: Any) -> tuple[An
 
 @dataclass(frozen=True)
 class SizedDrive:
-    """Simulation results of one choice of parts with its settings; SI.
+    """Simulation results of one choice of parts with its settings, in SI.
 
     Attributes
     ----------
@@ -399,11 +412,11 @@ class SizedDrive:
     draws, met : int
         Number of samples, and number of samples that meet all limits.
     probability_bound : float
-        One-sided lower bound of the probability that a drive meets all limits, 95 % confidence.
+        One-sided lower bound of the probability that a drive meets all limits, at 95 % confidence.
     time_out, time_back, end_speed, energy, peak_pressure : float
-        Values that 1 % of the samples exceed, the last three for the worse stroke. Infinite if the stroke does not end.
+        Values that 1 % of the samples exceed; the last three for the worse stroke. Infinite if a stroke does not end.
     air : float
-        Mean mass drawn from the supply in a cycle, kg.
+        Mean mass drawn from the supply in a cycle, in kg.
     margins : dict
         Limit -> margin reached by 99 % of the samples.
     worst : dict
@@ -415,11 +428,11 @@ class SizedDrive:
     sizes : tuple of float
         Bore, conductances of the valve and of the fully open needle (0 without a needle), bore of the tubes.
     intervals : dict
-        Figure -> values that 99 % and that 1 % of the samples exceed: each limit by its name, and time_out, time_back,
-        end_speed, energy, peak_pressure, air, load_ratio_out, load_ratio_back (`DriveStrokes.load_ratio`). Empty in
-        folders of earlier versions.
-    open_checks : int
-        Number of open checks, which prevent an order (`machine_checks`). 0 in folders of earlier versions.
+        Quantity -> pair of values that 99 % and 1 % of the samples exceed. Quantities are the limits by name, time_out,
+        time_back, end_speed, energy, peak_pressure, air, load_ratio_out, load_ratio_back (`DriveStrokes.load_ratio`).
+        Empty in folders of earlier versions.
+    open_names : tuple of str
+        Names of the open checks, which prevent an order (`machine_checks`). Empty in folders of earlier versions.
     """
 
     parts: Mapping[str, str]
@@ -439,17 +452,17 @@ class SizedDrive:
     explains: float
     sizes: tuple[float, ...]
     intervals: Mapping[str, tuple[Number, Number]] = field(default_factory=dict)
-    open_checks: int = 0
+    open_names: tuple[str, ...] = ()
 
     @property
     def load_ratio(self) -> float | None:
-        """Ratio of load to supply force exceeded by 1 % of the samples, for the worse of both strokes."""
+        """Ratio of load to supply force that 1 % of the samples exceed, for the worse of both strokes."""
         ends = [self.intervals[name][1] for name in ("load_ratio_out", "load_ratio_back") if name in self.intervals]
         return max(ends, default=None)
 
     @property
     def name(self) -> str:
-        """Names of the parts, joined to one word."""
+        """Names of the parts, joined by "+"."""
         return "+".join(self.parts.values())
 
     @property
@@ -466,17 +479,17 @@ class SizedDrive:
 
     @property
     def missed_limits(self) -> list[str]:
-        """Names of the limits that it misses."""
+        """Names of the missed limits."""
         return [name for name in self.worst if self.margins[name] < 0.0]
 
     @property
     def missed(self) -> str:
-        """Missed limits, and the amounts, in words."""
+        """Missed limits in words, each with the value and the limit."""
         limits = []
         for name in self.missed_limits:
             value, limit, unit = self.worst[name]
-            limits.append(f"{name} {read(value, unit)}, limit {read(limit, unit)}")
-        return "; ".join(limits) or f"{self.met} of {self.draws} samples keep all limits together"
+            limits.append(f"{name}: {read(value, unit)}, limit {read(limit, unit)}")
+        return "; ".join(limits) or f"{self.met} of {self.draws} samples meet all limits together"
 
     @property
     def is_feasible(self) -> bool:
@@ -495,34 +508,37 @@ class SizedDrive:
 
     @property
     def air_litres_anr(self) -> float:
-        """Air of a cycle, litres at the standard reference atmosphere."""
+        """Air of a cycle, in litres at the standard reference atmosphere."""
         return self.air * ANR_LITRES_PER_KG
 
     @property
     def rank(self) -> tuple[Any, ...]:
         """Key of the ranking: open checks, air in steps of 2 %, then margin in steps of 1 %, then sizes."""
-        return rank_of(self.open_checks, self.air, self.margin, self.sizes, self.name)
+        return rank_of(len(self.open_names), self.air, self.margin, self.sizes, self.name)
 
 
 @dataclass(frozen=True)
 class Provisional:
-    """Choice of parts in the provisional ranking, which follows from nominal runs; SI.
+    """Choice of parts in the provisional ranking, which is based on nominal runs; SI units.
 
     Attributes
     ----------
     parts : dict
     air : float
-        Mass drawn from the supply in a cycle, kg.
+        Mass drawn from the supply in a cycle, in kg.
     times : tuple of float
         Times of the strokes out and back.
     margin : float
         Least margin of the nominal, slow and fast cases, with rough settings. Tuning increases it.
+    limit : str
+        Limit with this margin. Empty in folders of earlier versions.
     """
 
     parts: Mapping[str, str]
     air: Number
     times: tuple[Number, ...]
     margin: float
+    limit: str = ""
 
 
 # --- One choice of parts with its settings over the spreads of a task.
@@ -533,7 +549,7 @@ HARD, NEAR = 16, 0.15
 
 
 class DrawResults(NamedTuple):
-    """Results of samples: summary, margins of each limit, and air of each sample, kg."""
+    """Results of samples: summary, margins of each limit, and air (kg) of each sample."""
 
     drive: SizedDrive
     limits: list[LimitMargin]
@@ -541,7 +557,7 @@ class DrawResults(NamedTuple):
 
 
 class Hardest(NamedTuple):
-    """Bounds of a choice over all samples: largest margin, smallest number of failing samples, estimated air, kg."""
+    """Bounds of a choice over all samples: largest margin, smallest number of failing samples, estimated air (kg)."""
 
     margin: float
     failed: int
@@ -587,9 +603,9 @@ def simulated(strokes: DriveStrokes, setting: Setting, draws: Array, rtol: float
         explains=shares[first] if first else 0.0,
         sizes=choice.sizes,
         intervals=intervals,
-        open_checks=0,
+        open_names=(),
     )
-    return DrawResults(replace(drive, open_checks=count_open(choice, task, drive)), found, air)
+    return DrawResults(replace(drive, open_names=open_names(choice, task, drive)), found, air)
 
 
 def hardest(strokes: DriveStrokes, setting: Setting, known: DrawResults, draws: Array) -> Hardest:
@@ -621,6 +637,6 @@ def hardest(strokes: DriveStrokes, setting: Setting, known: DrawResults, draws: 
 
 
 def _both(strokes: DriveStrokes, setting: Setting, draws: Array, rtol: float) -> list[StrokeResults]:
-    """Run both strokes."""
+    """Run both strokes of a choice, and return their results."""
     rows = np.tile(np.array(setting), (len(draws), 1))
     return [strokes.run(outward, draws, rows, rtol) for outward in (True, False)]

@@ -16,7 +16,7 @@ from pneudrive.constants import AIR_GAS_CONSTANT_J_KG_K, ANR_DENSITY_KG_M3, ANR_
 from pneudrive.describe.tables.parts import Gas
 from pneudrive.simulation.bench_circuit import VACUUM, steady_flow
 from pneudrive.sizing.candidate import TubedCylinder
-from pneudrive.sizing.checks import Shortage, count_open, mechanical_checks
+from pneudrive.sizing.checks import Shortage, mechanical_checks, open_names
 from pneudrive.sizing.task import NO_FLOW_CONTROL, SAME_STROKE, SLOTS, DriveChoice, PartChoice, choices, grouped
 
 if TYPE_CHECKING:
@@ -32,7 +32,7 @@ COMPRESSED = 1.5
 
 
 class SafeBounds:
-    """Bounds of a task.
+    """Bounds that a choice of parts must pass, because it cannot do the task otherwise.
 
     Parameters
     ----------
@@ -40,7 +40,7 @@ class SafeBounds:
     tubes : sequence of PartChoice
         All tubes of the search.
     conductances : dict, optional
-        Known conductances of the tubes, m3/(s Pa).
+        Known conductances of the tubes, in m3/(s Pa).
     """
 
     def __init__(
@@ -66,7 +66,7 @@ class SafeBounds:
         """Compare the task with the limits on the data sheet of a part."""
         most = part.printed_si("maximum_pressure", "Pa")
         if most is not None and self.gauge > most:
-            return Shortage("supply pressure", 0.0, f"{part.name} takes {1e-5 * most:g} bar gauge at most")
+            return Shortage("supply pressure", 0.0, f"{part.name} allows at most {1e-5 * most:g} bar gauge")
         life = part.printed_si("b10_cycles", "")
         if life is not None and life < (needed := self.task.cycles or 0.0):
             return Shortage("life", life / needed, f"{part.name} has a B10 of {life:g} cycles")
@@ -155,9 +155,9 @@ HALVINGS, FARTHEST = 12, 100.0
 
 
 def nearest_possible(task: SizingTask, found: Parts, bounds: SafeBounds) -> list[str]:
-    """Return as text, for each single quantity, the value at which a choice would pass the safe bounds.
+    """Return as text, for each quantity of the task, its nearest possible value if only this quantity is changed.
 
-    A smaller change cannot suffice. With spreads, a larger change may be needed.
+    With this value, a choice passes the safe bounds. A smaller change cannot suffice; spreads may need a larger one.
     """
     gauge = task.supply_pa - task.ambient.pressure_pa
     back = task.return_time_s
@@ -177,7 +177,7 @@ def nearest_possible(task: SizingTask, found: Parts, bounds: SafeBounds) -> list
     said = []
     for name, (unit, value, farthest, changed) in quantities.items():
         factor = _nearest_factor(lambda f, changed=changed: _is_possible(task, changed(f), found, bounds), farthest)
-        bound = "no value alone makes the task possible"
+        bound = "no value of this quantity alone suffices"
         if factor is not None:
             word = "at least" if farthest > 1.0 else "at most"
             bound = f"{word} {value * factor:.3g} {unit} (asked: {value:.3g} {unit})"
@@ -220,7 +220,7 @@ def _supply(task: SizingTask, gauge: float) -> TaskSupply:
 
 
 def air_estimate_kg(cylinder: PartChoice, tube: PartChoice, task: SizingTask) -> float:
-    """Return the air of a cycle in which both sides fill completely, kg."""
+    """Return the air (kg) of a cycle in which both sides fill completely."""
     choice = DriveChoice(cylinder, NO_FLOW_CONTROL, tube, NO_FLOW_CONTROL)
     volume = sum(choice.areas_m2) * task.stroke_m + _dead(choice, "a") + _dead(choice, "b")
     gauge = task.supply_pa - task.ambient.pressure_pa
@@ -228,25 +228,25 @@ def air_estimate_kg(cylinder: PartChoice, tube: PartChoice, task: SizingTask) ->
 
 
 def misfit(choice: DriveChoice) -> Shortage | None:
-    """Return the shortage of a part whose connectors need another tube diameter. Parts without a diameter fit."""
+    """Return the shortage of a part whose connectors need another tube diameter. A part without a diameter fits."""
     tube = choice.tube.tube_diameter_m
     for part in (choice.cylinder, choice.valve, choice.flow_control):
         takes = part.tube_diameter_m
         if tube is not None and takes is not None and not math.isclose(takes, tube):
-            said = f"{part.name} takes tubes of {1e3 * takes:g} mm, {choice.tube.name} has {1e3 * tube:g} mm"
+            said = f"{part.name} fits tubes of {1e3 * takes:g} mm, {choice.tube.name} has {1e3 * tube:g} mm"
             return Shortage("connection", 0.0, said)
     return None
 
 
 def tube_conductance(tube: PartChoice, task: SizingTask) -> float:
-    """Return the sonic conductance of a tube, m3/(s Pa), from its choked flow."""
+    """Return the sonic conductance of a tube in m3/(s Pa), from its choked flow."""
     pressure = task.supply_pa
     flow = steady_flow({"tube": dict(tube.table)}, [("tube", "1", "2")], pressure, VACUUM * pressure, Gas())
     return flow / (ANR_DENSITY_KG_M3 * pressure)
 
 
 def _dead(choice: DriveChoice, end: str) -> float:
-    """Return the volume on one side beyond the swept volume, m3: dead volume, port of the cushion, tube."""
+    """Return the volume (m3) on one side beyond the swept volume: dead volume, port of the cushion, tube."""
     numbers, tube = choice.cylinder.numbers, choice.tube.numbers
     own = numbers[f"dead_volume_{end}"] + numbers.get(f"cushion_{end}_port_volume", 0.0)
     return own + math.pi / 4.0 * tube["diameter"] ** 2 * tube["length"]
@@ -290,7 +290,7 @@ class Pruning:
                         self._drop({"cylinder": cylinder.name, "tube": tube.name, slot: one.name}, others, shortage)
             if wide and open_:
                 fill = air_estimate_kg(cylinder, tube, task)
-                left = min(count_open(DriveChoice(cylinder, valve, tube, NO_FLOW_CONTROL), task) for valve in wide)
+                left = min(len(open_names(DriveChoice(cylinder, valve, tube, NO_FLOW_CONTROL), task)) for valve in wide)
                 self.pairs.append(TubedCylinder(cylinder, tube, wide, open_, fill, bounds.tubes[tube.name], left))
         self.pairs.sort(key=lambda one: (one.open_checks, one.fill, one.cylinder.name, one.tube.name))
 

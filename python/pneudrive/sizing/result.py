@@ -6,6 +6,7 @@ import hashlib
 import json
 import math
 import os
+from collections import Counter
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import asdict, dataclass, field, replace
@@ -40,7 +41,7 @@ if TYPE_CHECKING:
 #: with 6 to 7.5 kW per m3/min, without leaks of the network).
 KWH_PER_M3 = (0.10, 0.11, 0.125)
 LITRES_PER_M3 = 1e3
-#: Number of drives of the ranking whose files are written.
+#: Number of drives of the ranking, and of cylinders, whose files are written.
 WRITTEN = 10
 TABLE, SUMMARY, REASONS = "ranking.csv", "result.json", "left_out.csv"
 #: Column heads of the numbers in ranking.csv, in the order of `values_of`.
@@ -79,7 +80,7 @@ def in_words(parts: Mapping[str, str]) -> str:
 
 
 def values_of(drive: SizedDrive, place: int) -> list[ShownValue]:
-    """Return the values of a drive by its rank, from 1."""
+    """Return the values of a drive, with names that begin with its rank (1 for the best)."""
     values = {
         "time out": (drive.time_out, "s"),
         "time back": (drive.time_back, "s"),
@@ -145,7 +146,7 @@ class SizingResult(Viewed):
     dropped : tuple of Shortage
         Choices that were left out, with the reason.
     savings : tuple of Saving
-        Tried changes of the best choice to save air.
+        Changes to the best choice that were tried to save air.
     checks : tuple of MachineCheck
         Checks of the best choice, open ones first: side load, buckling, energy, life, hanging load.
     interrupted : bool
@@ -206,11 +207,18 @@ class SizingResult(Viewed):
 
     @property
     def by_cylinder(self) -> list[SizedDrive]:
-        """Best drive of each cylinder, in the order of the ranking."""
+        """Best drives of up to ten cylinders, in the order of the ranking."""
         first: dict[str, SizedDrive] = {}
         for drive in self.ranked:
             first.setdefault(drive.parts["cylinder"], drive)
-        return list(first.values())
+        return list(first.values())[:WRITTEN]
+
+    @property
+    def written(self) -> dict[str, SizedDrive]:
+        """Drives with a circuit file, by its name, which is their rank: the ten best, and the best of each cylinder."""
+        first = [drive.name for drive in self.by_cylinder]
+        ranked = enumerate(self.ranked, 1)
+        return {f"{k:02d}.toml": one for k, one in ranked if k <= WRITTEN or one.name in first}
 
     @property
     def cheaper(self) -> list[SizedDrive]:
@@ -242,7 +250,8 @@ class SizingResult(Viewed):
             return (
                 f"Provisional, by nominal runs: {in_words(drive.parts)}: {' s and '.join(map(three, drive.times))} s "
                 f"out and back, {three(drive.air * ANR_LITRES_PER_KG)} l ANR a cycle of {three(cycle_s(task))} s, "
-                f"margin {three(100.0 * drive.margin)} %."
+                f"margin {three(100.0 * drive.margin)} %{f' of {drive.limit}' if drive.limit else ''}"
+                f"{', which tuned settings may meet' if drive.margin < 0.0 else ''}."
             )
         return f"Nothing {'in the catalogue' if self.complete else 'that was looked at'} meets the task."
 
@@ -266,9 +275,15 @@ class SizingResult(Viewed):
             f"margin {three(100.0 * drive.margin)} %."
             for drive in self.by_cylinder[1:2]
         ]
+        lines += [
+            f"Less air, but further open checks ({', '.join(more)}): {in_words(drive.parts)}, "
+            f"{three(drive.air_litres_anr)} l ANR a cycle."
+            for drive in sorted(self.by_cylinder, key=lambda drive: drive.air)[:1]
+            if (more := [name for name in drive.open_names if name not in self.ranked[0].open_names])
+        ]
         if self.best is not None and cheaper:
             number = "1 choice" if len(cheaper) == 1 else f"{len(cheaper)} choices"
-            lines.append(f"{number} of less air missed a limit; {cheaper[0].part_names}: {cheaper[0].missed}.")
+            lines.append(f"{number} with less air missed a limit; {cheaper[0].part_names}: {cheaper[0].missed}.")
         lines += [f"Nearest possible {value}." for value in (self.miss.possible if self.miss else ())]
         return [*lines, self.extent, *self.notes]
 
@@ -287,7 +302,7 @@ class SizingResult(Viewed):
         return [self.answer, *(f"{f.text} {f.remedy}".rstrip() for f in self.findings), *self.remarks]
 
     def circuit(self, place: int = 0) -> Circuit:
-        """Return the circuit of a drive of the ranking (rank from 0) with its settings, ready to run."""
+        """Return the circuit of a ranked drive (0 for the best) with its settings, ready to run."""
         drive, known = self.ranked[place], choices(self.task)
         parts = {slot: next(one for one in known[slot] if one.name == name) for slot, name in drive.parts.items()}
         return DriveStrokes(DriveChoice(**parts), self.task).circuit(Setting(**drive.setting))
@@ -297,7 +312,7 @@ class SizingResult(Viewed):
         return upper("sizing_view")(self)
 
     def save(self, folder: str | Path) -> list[Path]:
-        """Write table, summary and the files of the ten best into a folder."""
+        """Write table, summary and circuit files (`written`) into a folder."""
         folder = Path(folder)
         folder.mkdir(parents=True, exist_ok=True)
         ranking = [(*drive.parts.values(), *(value.text for value in values_of(drive, 1))) for drive in self.ranked]
@@ -307,7 +322,7 @@ class SizingResult(Viewed):
         files = {name: "".join(",".join(row) + "\n" for row in rows) for name, rows in tables.items()}
         strict = json.loads(json.dumps(_summary(self)), parse_constant=lambda _: None)  # null for infinity
         files[SUMMARY] = json.dumps(strict, indent=1) + "\n"
-        files |= {f"{place + 1:02d}.toml": self.circuit(place).to_toml() for place in range(len(self.ranked[:WRITTEN]))}
+        files |= {name: self.circuit(self.ranked.index(one)).to_toml() for name, one in self.written.items()}
         return [write_whole(folder / name, text) for name, text in files.items()]
 
     @classmethod
@@ -386,20 +401,23 @@ def nearest_miss(
         value, limit, unit = drive.worst[drive.binding]
         gives = _gives(drive.binding, limit, value, unit, "1 % of the samples exceed")
         if drive.margin >= 0.0:
-            gives = f"Each limit alone is kept, but only {drive.missed}: change supply pressure, tubes or catalogue."
+            gives = f"Each limit alone is met, but only {drive.missed}: change supply pressure, tubes or catalogue."
         if len(drive.missed_limits) > 1:
-            gives = f"Of {drive.missed} (exceeded by 1 % of the samples), each limit has to be relaxed to its value."
+            gives = f"Relax each limit to its value, which 1 % of the samples exceed: {drive.missed}."
         return NearestMiss(drive.parts, ", ".join(drive.missed_limits) or drive.binding, gives)
     if short:
         choice, tuned = max(short, key=lambda pair: (pair[1].nominal >= 0.0, pair[1].least))
         name, limit, value = tuned.short
         unit = next((unit for word, unit in _UNITS.items() if word in name), "s")
         if tuned.nominal >= 0.0:
-            gives = _gives(name, limit, value, unit, "the nominal case keeps it, the worst case of the spreads gives")
+            gives = _gives(name, limit, value, unit, "the nominal case meets it, the worst case of the spreads gives")
             gives += " Narrower [spread] and supply.spread help as well."
             return NearestMiss(choice.parts, f"{name}, over the spreads", gives)
         return NearestMiss(choice.parts, name, _gives(name, limit, value, unit, "the nominal case gives"))
-    bound = max(pruned, key=lambda shortage: shortage.share)
+    counts = Counter[str]()
+    for one in pruned:  # the limit of most choices, if possible one that a change of the task relaxes
+        counts[one.limit] += one.choices if one.share > 0.0 else 0
+    bound = max(pruned, key=lambda shortage: (counts[shortage.limit], shortage.share))
     gives = f"{bound.said[0].upper()}{bound.said[1:]}."
     if bound.share > 0.0:
         gives += f" This is {100.0 * bound.share:.0f} % of what the task needs."
@@ -449,7 +467,7 @@ RETURN_SHARES, TUBE_SHARE = (0.5, 0.7), 0.5
 
 
 class Saving(NamedTuple):
-    """A change of the best drive that was tried to save air.
+    """A change to the best drive that was tried to save air.
 
     Attributes
     ----------
@@ -471,12 +489,12 @@ class Saving(NamedTuple):
 
 
 def savings(best: DriveStrokes, sized_best: SizedDrive, draws: Array) -> Iterator[Saving]:
-    """Try changes of the best drive. Each is tuned and simulated over samples of the spreads."""
+    """Try changes to the best drive that may save air. Each is tuned, and simulated over samples of the spreads."""
     task, half = best.task, best.task.tube_length_m * TUBE_SHARE
     shorter = task.model_copy(update={"tube_length_m": half})
     tube = next(part for part in choices(shorter)["tube"] if part.name == best.choice.tube.name)
     tried = {
-        f"{100.0 * share:.0f} % of the supply's gauge pressure for the way back": replace(best, return_share=share)
+        f"{100.0 * share:.0f} % of the supply's gauge pressure for the return": replace(best, return_share=share)
         for share in RETURN_SHARES
     }
     short = replace(best, choice=replace(best.choice, tube=tube), task=shorter)
@@ -493,8 +511,9 @@ def savings(best: DriveStrokes, sized_best: SizedDrive, draws: Array) -> Iterato
 ABOUT, LINES, LOCK, PROVISIONAL = "sizing.json", "choices.jsonl", "sizing.lock", "provisional.txt"
 
 
-#: Version of the ranking rules. From 2 on, every choice has a limit of the energy; from 3 on, open checks count.
-RULES = 3
+#: Version of the ranking rules. From 2 on, every choice has a limit of the energy; from 3 on, open checks count;
+#: from 4 on, also those of stroke, speed and needles, and friction holds no load.
+RULES = 4
 
 
 class SizingFolder:

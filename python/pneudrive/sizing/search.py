@@ -18,14 +18,14 @@ from typing import TYPE_CHECKING, Any
 from pneudrive.errors import Cancelled, CommandError
 from pneudrive.progress import Flag, Progress, Watch
 from pneudrive.sizing.candidate import SizingCandidate, TubedCylinder
-from pneudrive.sizing.checks import Provisional, SizedDrive, hardest, machine_checks, simulated
+from pneudrive.sizing.checks import SAME_AIR, MachineCheck, Provisional, SizedDrive, hardest, machine_checks, simulated
 from pneudrive.sizing.prune import Pruning, nearest_possible
 from pneudrive.sizing.result import Saving, SizingFolder, SizingResult, nearest_miss, savings
 from pneudrive.sizing.strokes import COARSE, RTOL, points, run_all, tune_all
 from pneudrive.sizing.task import SizingTask
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Mapping, Sequence
+    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
     from pneudrive.arrays import Array, Keyed, NamedNumbers
 
@@ -76,9 +76,9 @@ def size(
     task : SizingTask, dict or path-like
         The task, its keys as a dict, or its TOML file.
     most : int
-        Largest number of choices that are tuned. The result states if this limit ended the search.
+        Largest number of choices that are tuned. The result states whether this limit ended the search.
     draws, draws_best : int
-        Numbers of samples, powers of 2: of each leading choice, and of each choice that may be the best. Samples are
+        Numbers of samples (powers of 2) of each leading choice, and of each choice that may be the best. Samples are
         points of a scrambled Sobol sequence, the same for all choices.
     out : path-like, optional
         Folder for the results. An interrupted search is resumed from it.
@@ -121,7 +121,7 @@ def size(
 
 
 class Search:
-    """One search.
+    """Search for the drives that do one task.
 
     Parameters
     ----------
@@ -152,16 +152,16 @@ class Search:
 
     @cached_property
     def points(self) -> Array:
-        """Samples of all choices."""
+        """Samples of the spreads, which are the same for all choices."""
         return points(max(self.draws))
 
     @property
     def left(self) -> list[SizingCandidate]:
-        """Candidates that may do the task."""
+        """Candidates that may still do the task."""
         return [one for one in self.candidates if not one.lost]
 
     def result(self, tell: Callable[[SizingResult], None] | None) -> SizingResult:
-        """Run the search."""
+        """Run the search and return its result. `tell` receives the provisional rankings."""
         interrupted = complete = False
         try:
             self._first_ranking(tell)
@@ -200,7 +200,7 @@ class Search:
         note = f"The search ended after {self.most} tuned choices; other choices may rank before these: {more}."
         notes = () if complete else (note,)
         if interrupted:
-            notes = ("The search was interrupted: the ranking is that of the results so far.",)
+            notes = ("The search was interrupted: the ranking contains only the results so far.",)
         return SizingResult(
             *(self.task, self.pruning.enumerated, left, counts, self.tuned, tuple(simulated), tuple(ranked)),
             miss=miss,
@@ -208,11 +208,25 @@ class Search:
             provisional=self.provisional,
             dropped=(*self.dropped, *(one.lost for one in self.candidates if one.lost)),
             savings=tuple(self.savings),
-            checks=tuple(machine_checks(self._candidate(ranked[0]).choice, self.task, ranked[0])) if ranked else (),
+            checks=tuple(self._checks(ranked)) if ranked else (),
             interrupted=interrupted,
             notes=notes,
             asked={"most": self.most, "draws": self.draws[-2], "draws_best": self.final},
         )
+
+    def _checks(self, ranked: Sequence[SizedDrive]) -> Iterator[MachineCheck]:
+        """Yield the checks of the best drive. That of the energy tells whether its assumed limit excludes less air."""
+        best, met = ranked[0], {drive.parts["cylinder"] for drive in ranked}
+        thrifty = ((one, one.settings) for one in self.candidates if one.lost and one.settings)
+        excluded = {
+            one.cylinder
+            for one, settings in thrifty
+            if settings.short[0].startswith("energy") and settings.air * SAME_AIR < best.air
+        } - met
+        decides = f"; this limit decides the bore: it excludes cylinders that take less air ({len(excluded)})"
+        for check in machine_checks(self._candidate(best).choice, self.task, best):
+            is_assumed = check.name == "energy at the end" and check.rule.startswith("assumed")
+            yield check._replace(rule=check.rule + decides) if is_assumed and excluded else check
 
     def _candidate(self, drive: SizedDrive) -> SizingCandidate:
         return next(one for one in self.candidates if one.choice.name == drive.name)
@@ -231,7 +245,7 @@ class Search:
         self.unseen = [one for one in self.unseen if id(one) not in gone]
 
     def _first_ranking(self, tell: Callable[[SizingResult], None] | None) -> None:
-        """Rank cylinders by nominal runs, and report the ranking after each tube of a batch."""
+        """Rank cylinders by nominal runs, and report the ranking each time its first choice changes."""
         waiting: dict[str, list[TubedCylinder]] = {}
         for pair in self.unseen:
             waiting.setdefault(pair.cylinder.name, []).append(pair)
@@ -278,7 +292,7 @@ class Search:
     def _open(self) -> tuple[list[TubedCylinder], list[SizingCandidate]]:
         """Return the pairs and candidates that may still rank above the best drive.
 
-        A candidate begins when its lead is tuned: often the result excludes it as well.
+        A candidate is tuned after its lead, because the result of the lead often excludes the candidate as well.
         """
         best = self._best()
         pairs = [one for one in self.unseen if best is None or one.rank <= best.rank[:3]]

@@ -1,8 +1,8 @@
 """Both strokes of one choice of parts in the core, from samples to times, speeds and air; tuning of its settings.
 
 Times and speeds are defined as in a datasheet (`pneudrive.datasheet.strokes`). The time runs from the command to the
-first contact with the end. The speed at the end is that of the fastest contact. For speed, this module computes these
-numbers in the core, without trajectories. A test checks that both methods agree within 1e-6.
+first contact with the end. The speed at the end is that of the fastest contact. To save time, this module computes
+these numbers in the core, without trajectories. A test checks that both methods agree within 1e-6.
 """
 
 from __future__ import annotations
@@ -52,11 +52,15 @@ SEED = 0
 #: Relative tolerances of runs of the ten best, and of all others. Compared with 1e-6, times differ by less than 0.01 %;
 #: with the coarse tolerance, end speeds and air by less than 0.1 % and 0.2 % (tested).
 RTOL, COARSE = 1e-4, 1e-3
+#: Keys of a task that a circuit keeps as labels, for its data sheet.
+STATED = ("held_by", "clamp_force", "impact_energy")
 #: Duration of a run: multiple of the longest time that the task allows, plus a time, s. Slower samples count as not
 #: arriving.
 LONGEST, LONGER_S = 1.4, 0.1
 #: Exponent of the conductance of a tube over its bore, accurate enough for its spread.
 BORE_POWER = 2.3
+#: Smallest opening at which the needle of a flow control can be set repeatably, as a fraction (assumed).
+LEAST_OPENING = 0.1
 #: Exponent that converts the factor of heat transfer in chambers to that in tubes: 2 becomes 1.4.
 TUBE_HEAT_POWER = 0.485
 
@@ -77,13 +81,23 @@ class Setting(NamedTuple):
     needle_back: float = 1.0
     cushion_back: float = 1.0
 
+    @property
+    def least_opening(self) -> float:
+        """Smaller opening of both flow controls."""
+        return min(self.needle_out, self.needle_back)
+
+    def is_shut(self, *, is_rough: bool = False) -> bool:
+        """Return whether a flow control opens too little to be set; if `is_rough`, even after the tuning."""
+        wider = max(FINER[1][0]) ** ROUNDS if is_rough else 1.0
+        return wider * self.least_opening < LEAST_OPENING
+
 
 #: All needles fully open.
 OPEN = Setting()
 
 
 class StrokeResults(NamedTuple):
-    """Results of n runs of one stroke, SI; shape (n,).
+    """Results of n runs of one stroke, in SI units. Each array has the shape (n,).
 
     Attributes
     ----------
@@ -129,11 +143,11 @@ class DriveStrokes:
         return run_all([StrokeRuns(self, outward, draws, settings)], rtol)[0]
 
     def load_ratio(self, outward: bool, draws: Array) -> Array:
-        """Return the ratio of load to supply force at rest, shape (n,). Above 1, the load does not move.
+        """Return, for each sample, the ratio of load to supply force at rest. Above 1, the load does not move.
 
         The load is the weight of load and piston, the external force, and the friction of cylinder and guide. For the
-        outward stroke it is at least the holding force. The supply's force is its gauge pressure times the piston
-        area, with the other chamber at ambient.
+        outward stroke, the load is at least the holding force. The supply force is the gauge pressure of the supply
+        times the piston area, with the other chamber at ambient.
 
         Parameters
         ----------
@@ -155,7 +169,7 @@ class DriveStrokes:
         return (against + friction) / (gauge * self.choice.areas_m2[0 if outward else 1])
 
     def circuit(self, setting: Setting = OPEN) -> Circuit:
-        """Return the circuit: supply, valve, tubes, flow controls, cylinder and load, with its settings."""
+        """Return the circuit with these settings: supply, valve, tubes, flow controls, cylinder and load."""
         valve = {"valve": dict(self.choice.valve.table)}
         return self._around(valve, ("supply -> valve.1",), ("valve.4", "valve.2"), setting)
 
@@ -194,11 +208,12 @@ class DriveStrokes:
             ambient=task.ambient,
             components=components,
             connections=(*connections, "cylinder.rod -> load"),
+            labels={key: value for key, value in task.to_dict().items() if key in STATED},
             initial={"cylinder.position": "0 mm", "cylinder.b": str(task.supply.pressure)},
         )
 
     def template_key(self, outward: bool) -> tuple[Any, ...]:
-        """Return the structure of the circuit of a stroke, without numbers.
+        """Return a key for the structure of the circuit of a stroke. Numbers do not affect this key.
 
         Choices with equal keys run in one ensemble.
         """
@@ -206,7 +221,7 @@ class DriveStrokes:
         return outward, self.task.template_key, *(part.form for part in parts)
 
     def template(self, outward: bool) -> tuple[System, NamedNumbers]:
-        """Return the circuit of a stroke in the core's form, and its start. Equal keys differ only in numbers."""
+        """Return the circuit of a stroke in the core's form, and its start. Choices with equal keys share both."""
         key = self.template_key(outward)
         if key not in _TEMPLATES:
             paths = {}  # the two paths that the valve opens
@@ -226,7 +241,7 @@ class DriveStrokes:
         return _TEMPLATES[key]
 
     def opens_after(self, outward: bool, draws: Array) -> Array:
-        """Return the time from the command until the valve is open, s, shape (n,).
+        """Return the time (s) from the command until the valve is open, for each sample.
 
         The edges of a switching valve open over the second half of its travel. The result is the time until three
         quarters of the travel.
@@ -241,7 +256,7 @@ class DriveStrokes:
 
     @cached_property
     def _numbers(self) -> NamedNumbers:
-        """Numbers of all components by their paths in the core's form, SI."""
+        """Numbers (SI) of all components by their paths in the core's form."""
         choice = self.choice
         found = {f"{path}.{key}": value for path, of in choice.valve_paths.items() for key, value in of.items()}
         found |= {f"cylinder.{key}": value for key, value in choice.cylinder.numbers.items()}
@@ -274,7 +289,7 @@ class DriveStrokes:
         return CoreMembers(paths, values, starts)
 
     def _factors(self, draws: Array) -> Columns:
-        """Return the factor of each number in the core's form."""
+        """Return the factors by which the samples scale numbers, by their paths in the core's form."""
         spread = self.task.spread
         share = {name: _both_ways(column) for name, column in zip(DRAWN, draws.T, strict=True)}
         friction = _between(spread.friction, draws, "friction")
@@ -371,11 +386,10 @@ def _run_alike(asked: Sequence[StrokeRuns], rtol: float) -> list[StrokeResults]:
     moves. Without a command schedule, members run in SIMD lanes.
     """
     first, outward = asked[0].strokes, asked[0].outward
-    limit = first.task.outward_s if outward else first.task.back_s
     each = [one.strokes.members(outward, one.draws, one.settings) for one in asked]
     starts: Starts = {name: np.concatenate([one.starts[name] for one in each]) for name in each[0].starts}
     members = CoreMembers(each[0].paths, np.concatenate([one.values for one in each]), starts)
-    plans = MemberPlans({}, np.array([held_s(limit)]))
+    plans = MemberPlans({}, np.array([held_s(first.task)[0 if outward else 1]]))
     system, reductions = first.template(outward)[0], _reductions(first.task.stroke_m, outward)
     (arrived, speed, *peaks, air, force), status, _ = run_members(system, members, plans, rtol, reductions, None)
     late = np.concatenate([one.strokes.opens_after(outward, one.draws) for one in asked])
@@ -392,14 +406,16 @@ def _run_alike(asked: Sequence[StrokeRuns], rtol: float) -> list[StrokeResults]:
     return [StrokeResults(*(values[low:high] for values in whole)) for low, high in pairwise(ends)]
 
 
-def held_s(limit: float) -> float:
-    """Return the time for which a command is held, s, from the longest allowed time of the stroke."""
-    return LONGEST * limit + LONGER_S
+def held_s(task: SizingTask) -> tuple[float, float]:
+    """Return the times (s) for which both commands are held, at least those of the cycles of an hour."""
+    out, back = (LONGEST * limit + LONGER_S for limit in (task.outward_s, task.back_s))
+    longer = max(1.0, 3600.0 / (task.cycles_per_hour or math.inf) / (out + back))
+    return longer * out, longer * back
 
 
 def cycle_s(task: SizingTask) -> float:
-    """Return the period of a cycle, s, for which the air is stated."""
-    return held_s(task.outward_s) + held_s(task.back_s)
+    """Return the period (s) of the cycle for which the air is stated."""
+    return sum(held_s(task))
 
 
 def _reductions(stroke: float, outward: bool) -> list[Reduction]:
@@ -415,7 +431,7 @@ def _reductions(stroke: float, outward: bool) -> list[Reduction]:
 
 
 def points(n: int) -> Array:
-    """Return points of a scrambled Sobol sequence, shape (n, len(DRAWN)).
+    """Return points of a scrambled Sobol sequence, with the shape (n, len(DRAWN)).
 
     A smaller n gives the first points of the same sequence.
     """
@@ -434,7 +450,7 @@ def _is_size(key: str) -> bool:
 
 
 def _between(ends: Iterable[float], draws: Array, name: str) -> Array:
-    """Return the values of a number that is uniform over a range."""
+    """Return samples of a number that is uniformly distributed over a range."""
     low, high = ends
     return low + (high - low) * draws[:, DRAWN.index(name)]
 
@@ -482,7 +498,7 @@ NEVER = -10.0
 
 
 class Tuned(NamedTuple):
-    """Result of a search.
+    """Settings of the needles of a choice, and the margins that the choice reaches with them.
 
     Attributes
     ----------
@@ -490,15 +506,15 @@ class Tuned(NamedTuple):
     nominal : float
         Least margin of the nominal case over both strokes; below 0 if no setting does the task.
     short : tuple
-        Limit with the smallest margin: name, limit and value, SI. It refers to the nominal case if this case misses the
-        task, otherwise to all cases.
+        Limit with the smallest margin: name, limit and value (SI). It refers to the nominal case if this case misses
+        the task, otherwise to all cases.
     least : float
         Least margin of all cases.
     air : float
-        Mass drawn from the supply in both strokes of the nominal case, kg.
+        Mass drawn from the supply in both strokes of the nominal case, in kg.
     times : tuple of float
-        Times of the strokes in the nominal case, s. Empty if a stroke with fully open needles is too slow even in the
-        fast case.
+        Times of the strokes in the nominal case, in s. Empty if a stroke with fully open needles is too slow even in
+        the fast case.
     """
 
     setting: Setting
@@ -510,7 +526,7 @@ class Tuned(NamedTuple):
 
 
 def cases(task: SizingTask, outward: bool) -> Array:
-    """Return the sampled numbers of the cases nominal, slow and fast, shape (3, len(DRAWN))."""
+    """Return the sampled numbers of the nominal, the slow and the fast case, with the shape (3, len(DRAWN))."""
     rows = np.full((3, len(DRAWN)), 0.5)
     low, high = task.spread.friction
     rows[0, DRAWN.index("friction")] = (1.0 - low) / (high - low) if low < 1.0 < high else 0.5
@@ -584,7 +600,7 @@ def _rough(strokes: DriveStrokes) -> Search:
 
 
 def _fine(strokes: DriveStrokes, rough: Tuned) -> Search:
-    """Refine rough settings of a choice, with more cases."""
+    """Refine rough settings of a choice with runs in more cases."""
     every, setting, draws = [], rough.setting, points(MORE)
     for outward in (True, False):
         best, rows = rough, cases(strokes.task, outward)
@@ -679,7 +695,7 @@ def _best(
 
 
 def _next_runs(table: Array, is_run: Bools, openings: Array) -> Bools:
-    """Return the cases of the pairs that may be the best, shape (pairs, cases); none if the best pair is known.
+    """Return which cases of which pairs have to be run to find the best pair, with the shape (pairs, cases).
 
     The bound of a pair is its smallest margin in the cases that have run. In the nominal case, the time margin of a
     pair with wider cushion and needle is also a bound. This does not hold for a half-closed cushion: a needle that

@@ -42,7 +42,7 @@ class _Factors(Between):
     """Annotation of a field for a range of factors, ``"0.7 .. 1.5"``."""
 
     def read(self, given: object) -> Interval:  # type: ignore[override]
-        """Convert and check."""
+        """Read a range of two positive factors, and return both ends."""
         ends = given.split("..") if isinstance(given, str) else []
         try:
             low, high = (float(end) for end in ends)
@@ -53,11 +53,11 @@ class _Factors(Between):
         return low, high
 
     def show(self, value: Interval) -> str:  # type: ignore[override]
-        """Write the range."""
+        """Return the range in the form that users write."""
         return f"{value[0]:g} .. {value[1]:g}"
 
     def schema(self) -> Plain:
-        """Return the JSON schema of the form that users write."""
+        """Return the JSON schema of a range of factors in the form that users write."""
         return {"type": "string", "pattern": r"^.+ \.\. .+$"}
 
 
@@ -102,11 +102,15 @@ class SizingTask(Described):
     elsewhere: ClassVar = {
         "components": "This file describes a circuit. A task has mass, stroke, time and supply.",
         "cylinder": "This file describes a drive. A task has mass, stroke, time and supply.",
+        "cycles_per_minute": "Write cycles_per_hour: 20 a minute are 1200 an hour.",
     }
     schema_version: Literal[1] = Field(default=1, alias="schema")
     name: str = "task"
     mass_kg: Mass = Field(description="mass of the load; the mass of the piston is added")
     stroke_m: Length
+    max_stroke_m: marks.MaybeLength = Field(
+        default=None, description="longest stroke on the sheet of the cylinder; absent: that of the catalogue"
+    )
     time_s: Seconds = Field(default=None, description="from the command to the end, outwards")
     return_time_s: Seconds = Field(default=None, description="time of the return stroke; absent: as outwards")
     speed_m_s: Speed = Field(default=None, description="can replace time: stroke divided by time")
@@ -130,7 +134,9 @@ class SizingTask(Described):
     peak_pressure: Annotated[units.Pressure | None, Stated()] = Field(
         default=None, description="largest pressure in a chamber; absent: that of the cylinder in the catalogue"
     )
-    guide: Literal["none", "ball", "plain"] = Field(default="none", description="what carries the load")
+    guide: Literal["none", "ball", "plain"] = Field(
+        default="none", description='what carries the load: linear or recirculating ball guides are "ball"'
+    )
     tube_length_m: Length = Field(default=1.0, description="of each tube between valve and cylinder")
     cycles: _Factor = Field(default=None, description="life; compared with B10 of the catalogue")
     cycles_per_hour: _Factor = Field(default=None, description="for air and energy of a year")
@@ -154,6 +160,8 @@ class SizingTask(Described):
         if (self.held_by == "clamp") != (self.clamp_force_n is not None):
             state = "clamp_force is missing" if self.held_by else "clamp_force is given without a clamp"
             raise invalid("held_by", "sizing.clamp", state=state)
+        if self.clamp_force_n is not None and self.clamp_force_n < (pulls := abs(self.static_force_n)):
+            raise invalid("clamp_force", "sizing.weak_clamp", force=self.clamp_force_n, pulls=pulls)
         most = 3600.0 / (self.outward_s + self.back_s)
         if self.cycles_per_hour is not None and self.cycles_per_hour > most:
             raise invalid("cycles_per_hour", "sizing.cycles", cycles=self.cycles_per_hour, most=most)
@@ -201,38 +209,38 @@ class SizingTask(Described):
 
     @property
     def supply_pa(self) -> float:
-        """Nominal supply pressure, absolute, Pa."""
+        """Nominal absolute supply pressure, in Pa."""
         return self.supply.pressure.absolute_pa(self.ambient.pressure_pa)
 
     @property
     def temperatures_k(self) -> Interval:
-        """Range of the temperature of air and cylinder, K."""
+        """Range of the temperature of air and cylinder, in K."""
         return self.spread.temperature_k or (self.ambient.temperature_k - 10.0, self.ambient.temperature_k + 15.0)
 
     @property
     def outward_s(self) -> float:
-        """Longest time of the outward stroke, s."""
+        """Longest allowed time of the outward stroke, in s."""
         return self.stroke_m / self.speed_m_s if self.time_s is None else self.time_s  # type: ignore[operator]
 
     @property
     def back_s(self) -> float:
-        """Longest time of the return stroke, s."""
+        """Longest allowed time of the return stroke, in s."""
         return self.outward_s if self.return_time_s is None else self.return_time_s
 
     @property
     def static_force_n(self) -> float:
-        """Force against the outward stroke at rest, without friction: weight along the axis and external force, N."""
+        """Force (N) against the outward stroke at rest, without friction: weight along the axis and external force."""
         return self.mass_kg * STANDARD_GRAVITY_M_S2 * math.sin(self.incline_rad) + self.external_force_n
 
     @property
     def across_n(self) -> float:
-        """Weight of the load across the axis, N."""
+        """Weight of the load across the axis, in N."""
         across = 0.0 if abs(self.incline_rad) == 0.5 * math.pi else math.cos(self.incline_rad)  # else 6e-17
         return self.mass_kg * STANDARD_GRAVITY_M_S2 * across
 
     @property
     def guide_friction_n(self) -> float:
-        """Friction of the guide under the weight of the load, N."""
+        """Friction of the guide under the weight of the load, in N."""
         return GUIDES[self.guide] * self.across_n
 
 
@@ -315,13 +323,13 @@ class PartChoice:
     table : dict
         Table of the component, each value with its origin.
     numbers : dict
-        Numbers of the part by key, SI. Keys of its friction begin with ``friction.parameters.``.
+        Numbers of the part in SI by key. Keys of its friction begin with ``friction.parameters.``.
     form : tuple
         Properties that are not numbers. Parts of equal form differ only in their numbers.
     assumed : frozenset of str
         Keys of assumed values.
     printed : dict
-        Further figures of the sheet.
+        Further values of the data sheet.
     """
 
     name: str
@@ -337,7 +345,7 @@ class PartChoice:
         return self.table["kind"]
 
     def printed_si(self, key: str, unit: str) -> float | None:
-        """Return a printed figure in SI, or None."""
+        """Return a printed value in SI, or None if the sheet does not have it."""
         given = self.printed.get(key)
         if given is None:
             return None
@@ -347,12 +355,12 @@ class PartChoice:
 
     @property
     def exhaust_conductance(self) -> float:
-        """Conductance of a valve from the cylinder to its exhaust, m3/(s Pa)."""
+        """Conductance of a valve from the cylinder to its exhaust, in m3/(s Pa)."""
         return self.numbers.get("exhaust_conductance", self.numbers["conductance"])
 
     @property
     def tube_diameter_m(self) -> float | None:
-        """Outer diameter of a tube, or of the tubes that fit into the connectors of another part, m."""
+        """Outer diameter (m) of a tube, or of the tubes that fit into the connectors of another part."""
         return self.printed_si("outer_diameter", "m") or self.printed_si("tube_outer_diameter", "m")
 
 
@@ -383,7 +391,7 @@ class DriveChoice:
 
     @property
     def name(self) -> str:
-        """Names of the parts, joined to one word."""
+        """Names of the parts, joined by "+"."""
         return "+".join(self.parts.values())
 
     @property
@@ -393,19 +401,19 @@ class DriveChoice:
 
     @property
     def sizes(self) -> tuple[float, ...]:
-        """Bore, conductances of valve and fully open needle (0 without a needle), bore of the tubes; SI."""
+        """Bore, conductances of valve and fully open needle (0 without a needle), and bore of the tubes, in SI."""
         needle = self.flow_control.numbers["needle_conductance"] if self.is_throttled else 0.0
         return self.cylinder.numbers["bore"], self.valve.numbers["conductance"], needle, self.tube.numbers["diameter"]
 
     @property
     def valve_paths(self) -> dict[str, NamedNumbers]:
-        """Paths from the supply and to the exhaust that the valve opens for a stroke: name -> numbers, SI."""
+        """Paths from the supply and to the exhaust that the valve opens for a stroke: name -> numbers in SI."""
         valve = self.valve.numbers
         feed = {key: valve[key] for key in ("subsonic_index", "linear_above", "conductance", "critical_pressure_ratio")}
         return {"feed": feed, "vent": {key: valve.get(f"exhaust_{key}", size) for key, size in feed.items()}}
 
     def exhaust_sizes(self, tube_m3_s_pa: float) -> list[float]:
-        """Return the conductances on the way out of the cylinder, needle fully open, m3/(s Pa).
+        """Return the conductances (m3/(s Pa)) on the exhaust path of the cylinder, with a fully open needle.
 
         A missing valve or flow control is left out. `tube_m3_s_pa` is the conductance of the tube.
         """
@@ -441,7 +449,7 @@ def choices(task: SizingTask) -> Parts:
         found[slot] = [_MAKERS[slot](one, task) for one in sorted(chosen, key=lambda one: one.name)]
     for slot, parts in found.items():
         if not parts and slot != "flow_control":
-            raise wrong("exclude", f"exclude removes each {slot} of the catalogue", remedy="Exclude less.")
+            raise wrong("exclude", f"exclude removes each {slot} of the catalogue", remedy="Exclude fewer parts.")
     if not task.excludes(WITHOUT, FLOW_CONTROL) or not found["flow_control"]:
         found["flow_control"].append(NO_FLOW_CONTROL)
     return found
@@ -626,7 +634,7 @@ def _cm3(volume_m3: float) -> str:
 
 
 def peak_limit(task: SizingTask, choice: DriveChoice) -> float | None:
-    """Return the largest allowed absolute pressure in the cylinder: from the task, or from its sheet."""
+    """Return the largest allowed absolute pressure in the cylinder, from the task or from the data sheet."""
     ambient = task.ambient.pressure_pa
     if task.peak_pressure is not None:
         return task.peak_pressure.absolute_pa(ambient)
@@ -635,7 +643,7 @@ def peak_limit(task: SizingTask, choice: DriveChoice) -> float | None:
 
 
 def energy_limit(task: SizingTask, choice: DriveChoice) -> tuple[float, str]:
-    """Return the largest allowed energy at an end, J, and its origin: task and data sheet, or an assumed rule."""
+    """Return the largest allowed energy (J) at an end, and its origin: task and data sheet, or an assumed rule."""
     stated = (task.impact_energy_j, "task"), (choice.cylinder.printed_si("cushion_energy", "J"), "data sheet")
     known = [(limit, origin) for limit, origin in stated if limit is not None]
     if known:

@@ -36,7 +36,7 @@ DIFFERENCE_NEEDED = 'a difference of pressures is needed, without abs or gauge, 
 
 
 def kind(si_unit: str) -> str:
-    """Name the quantity of a unit, with an example: ``a length, e.g. "25 mm"``."""
+    """Return the quantity of a unit with an example: ``a length, e.g. "25 mm"``."""
     name, example = KINDS.get(si_unit, (f"a quantity in {si_unit}", f"1 {si_unit}"))
     return f'{name}, e.g. "{example}"'
 
@@ -91,16 +91,16 @@ class Pressure:
     Parameters
     ----------
     value_pa : float
-        Value as stated, Pa.
+        Value as stated, in Pa.
     gauge : bool
-        Whether the value is above ambient pressure rather than above vacuum.
+        Whether the value is relative to ambient pressure, and not to vacuum.
     """
 
     value_pa: float
     gauge: bool
 
     def absolute_pa(self, ambient_pa: float) -> float:
-        """Return the absolute pressure, Pa, for an absolute ambient pressure, Pa.
+        """Return the absolute pressure in Pa for an absolute ambient pressure in Pa.
 
         Examples
         --------
@@ -213,7 +213,7 @@ def is_unit(text: str) -> bool:
 
 
 def suffix(si_unit: str) -> str:
-    """Return the suffix of names of values in an SI unit; empty for a pure number.
+    """Return the suffix of names of values in an SI unit; empty for a number without a unit.
 
     Examples
     --------
@@ -289,8 +289,10 @@ def _parsed(text: str, si_unit: str) -> float:
     return value
 
 
-def parse_pressure(text: str) -> Pressure:
+def parse_pressure(text: str, *, gauge_allowed: bool = True) -> Pressure:
     """Read a pressure with ``abs`` or ``gauge``, or with a unit such as ``barg`` or ``psia``.
+
+    If gauge pressures are not allowed, the message on a missing mark does not propose one.
 
     Raises
     ------
@@ -311,7 +313,8 @@ def parse_pressure(text: str) -> Pressure:
     except DescriptionError as error:
         rule = PRESSURE_NEEDED if error.rule == DIFFERENCE_NEEDED else error.rule
         raise DescriptionError(error.what, rule=rule, remedy=error.remedy) from None
-    raise DescriptionError.of("units.abs-or-gauge", text=text, number=number, unit=unit)
+    remedy = None if gauge_allowed else f'Write "{number} {unit} abs".'
+    raise DescriptionError.of("units.abs-or-gauge", text=text, number=number, unit=unit, remedy=remedy)
 
 
 def parse_range(text: str, si_unit: str) -> tuple[float, float]:
@@ -327,7 +330,7 @@ def parse_range(text: str, si_unit: str) -> tuple[float, float]:
         raise DescriptionError(f'"{text}" is not a range', remedy='Write two quantities, e.g. "5 mm .. 30 mm".')
     low, high = (parse(end.strip(), si_unit) for end in ends)
     if not low < high:
-        raise DescriptionError(f'range "{text}" is empty', rule="the first end lies below the second")
+        raise DescriptionError(f'range "{text}" is empty', rule="the first end must be below the second")
     return low, high
 
 
@@ -404,7 +407,7 @@ def write(value: float, si_unit: str, unit: str | None = None) -> str:
     Parameters
     ----------
     value : float
-        In `si_unit`.
+        Value in `si_unit`.
     si_unit : str
         Unit of `value`, as in `parse`.
     unit : str, optional
@@ -461,7 +464,7 @@ def in_unit(text: str, unit: str) -> str:
     Raises
     ------
     DescriptionError
-        The text is not a quantity, or the unit belongs to another quantity.
+        The text is not a quantity, or the unit is not one of these units.
 
     Examples
     --------
@@ -472,7 +475,7 @@ def in_unit(text: str, unit: str) -> str:
     wanted, wanted_said = split_mark(unit)
     known = TABLE.get(canonical(wanted))
     if known is None or said != wanted_said:
-        raise DescriptionError(f'"{text}" cannot be written in "{unit}"', rule="a common unit of the same quantity")
+        raise DescriptionError(f'"{text}" cannot be written in "{unit}"', rule="a common unit, abs or gauge as given")
     return f"{write(parse(plain, known[0]), known[0], canonical(wanted))}{said}"
 
 
@@ -536,7 +539,7 @@ def converter_of_pint(unit: str, si_unit: str) -> tuple[float, float]:
     Raises
     ------
     DescriptionError
-        The unit is not known, or is of another quantity.
+        The unit is not known, or belongs to another quantity.
     """
     if split_mark(unit)[1]:
         raise wrong_dimension(unit, si_unit, "a pressure, not a difference" if si_unit == "Pa" else "a pressure")

@@ -1,7 +1,7 @@
 """Signals of a recording, balances along the recording, runs with its command, and metrics of their residuals.
 
 A residual is measurement minus model. Bounds of correlations assume white residuals. The free run of a wrong model
-never has white residuals, which the test shows. Sources of the tests: [ljung1978], [mathworks-residuals].
+never has white residuals, and the test shows this. Sources of the tests: [ljung1978], [mathworks-residuals].
 """
 
 from __future__ import annotations
@@ -44,9 +44,9 @@ class Metrics:
     Attributes
     ----------
     rms : float
-        Root mean square, SI.
+        Root mean square, in SI.
     largest : float
-        Greatest absolute residual, SI.
+        Greatest absolute residual, in SI.
     nrmse : float
         rms / (max - min of the measurement).
     fit_percent : float
@@ -122,7 +122,7 @@ def whiteness(residual: Array) -> Whiteness:
 def cross_correlations(residual: Array, signals: Mapping[str, Array]) -> NamedNumbers:
     """Return the strongest correlation of a residual with each signal that changes, within +/- LAGS samples.
 
-    The strongest of all signals comes first. A residual without values has none.
+    The strongest of all signals comes first. A residual without values has no correlations.
     """
     there = np.isfinite(residual)
     if not there.any():
@@ -148,11 +148,11 @@ def _lagged(e: Array, s: Array, k: int) -> float:
 # --- Recordings that made a fit, and recordings that were held out: only the latter test the fit.
 
 MADE, HELD_OUT = "made the fit", "held out"  # badges of a recording
-NONE_HELD_OUT = "no recording was held out: all of them made the fit, so nothing tests its predictions"
+NONE_HELD_OUT = "no recording was held out: all were used for the fit, so nothing tests its predictions"
 
 
 def sources_of(drive: Drive) -> dict[str, str]:
-    """Return the recordings of the identified values of a drive, without hashes. A drive file lists at most six."""
+    """Return the recordings (without hashes) behind the identified values of a drive; a file lists at most six."""
     texts = {origin.source for origin in drive.provenance.values()} - {"not stated"}
     return {name: "" for text in texts for name in text.partition(" and ")[0].split(", ")}
 
@@ -180,7 +180,7 @@ def held_out_notes(badges: Iterable[str]) -> list[str]:
         return []
     if HELD_OUT not in found:
         return [NONE_HELD_OUT]
-    return [f"recordings held out of the fit: {found.count(HELD_OUT)} of {len(found)}. Only they count in the verdicts"]
+    return [f"recordings held out of the fit: {found.count(HELD_OUT)} of {len(found)}. The verdicts use only these"]
 
 
 # --- Signals derived from a recording: velocity, acceleration, start states of a model.
@@ -232,13 +232,13 @@ class Signals:
         return max(LEAST_HALF, round(HALF_WINDOW_S / self.step_s))
 
     def smooth(self, values: Array, order: int = 0, half: int | None = None) -> Array:
-        """Return values smoothed by local cubics, or their time derivative of some order; NaN stays NaN."""
+        """Return values smoothed by local cubics, or their time derivative of this order; NaN stays NaN."""
         width = min(2 * (half or self.half) + 1, (values.size - 1) // 2 * 2 - 1)
         return np.asarray(savgol_filter(values, width, 3, deriv=order, delta=self.step_s), dtype=float)
 
     @cached_property
     def velocity_unsure_m_s(self) -> Array:
-        """Uncertainty of the velocity at each sample due to the window: its change if the window is halved."""
+        """Uncertainty of the velocity at each sample due to the window: change if the window is halved."""
         if "velocity_m_s" in self.recording:
             return np.zeros_like(self.position_m)
         halved = self.smooth(self.position_m, 1, max(self.half // 2, LEAST_HALF - 1))
@@ -275,7 +275,7 @@ class Signals:
         return np.abs(self.velocity_m_s) > max(MOVES * self.velocity_noise_m_s, 1e-4)
 
     def start_temperatures(self, drive: Drive) -> list[float]:
-        """Return the measured temperatures at the first sample, or the ambient temperature, K."""
+        """Return the measured temperatures at the first sample, or the ambient temperature, in K."""
         names = ("temperature_a_k", "temperature_b_k")
         return [float(self.recording[n][0]) if n in self.recording else drive.ambient.temperature_k for n in names]
 
@@ -299,7 +299,7 @@ class Signals:
 def corrected(
     recording: DriveRecording, sensors: Mapping[str, Sensor | Keyed] | None
 ) -> tuple[DriveRecording, list[str]]:
-    """Correct a recording for offsets, gains and the delay of the command; return it with a note.
+    """Correct a recording for offsets, gains and the delay of the command; return the result with a note.
 
     Parameters
     ----------
@@ -318,7 +318,7 @@ def corrected(
     present = [name for name, column in CHANNELS.items() if column in recording]
     columns, said, channels = dict(recording.columns), [], channels_of(present, sensors).values()
     if delay_s is None or any(channel.free for channel in channels):
-        raise FitError("validate fits no numbers", remedy="Fit free numbers by identify, and pass its fit to validate.")
+        raise FitError("validate fits no sensor values", remedy="Fit them with identify, and pass the fit to validate.")
     for channel in channels:
         if channel.offset != 0.0 or channel.gain != 1.0:
             columns[channel.column] = (columns[channel.column] - channel.offset) / channel.gain
@@ -331,7 +331,7 @@ def corrected(
         time, command = recording.time_s, recording["command"]
         held = np.searchsorted(time, time - delay_s + 1e-9 * recording.duration_s, side="right") - 1
         columns["command"] = command[np.clip(held, 0, time.size - 1)]
-        said.append(f"command that acts {plain(1e3 * delay_s)} ms late")
+        said.append(f"command delay of {plain(1e3 * delay_s)} ms")
     if not said:
         return recording, []
     note = f"{recording.name}: corrected for known errors of its sensors: {'; '.join(said)}"
@@ -405,10 +405,10 @@ class Scene:
 
     @cached_property
     def terms(self) -> Columns:
-        """Terms of the balances at each sample: forces of the drive; flows and pressure rates without lines.
+        """Terms of the balances at each sample: forces; flows and pressure rates without tubes and flow controls.
 
         ``force_n`` has all forces in +x except friction: pressures, weight, load, spring, end stops. ``friction_n`` is
-        that of steady sliding at the measured velocity, opposing v > 0.
+        the friction of steady sliding at the measured velocity; it opposes v > 0.
         """
         signals, equations = self.signals, self.drive.plain.system.compiled()
         along = (signals.time_s, self.position, signals.velocity_m_s, *self.pressures, self.opened)
@@ -435,7 +435,7 @@ class Scene:
 
     @cached_property
     def residuals(self) -> Array:
-        """Residuals at `time_s`, shape (3, n): force N, pressure rates Pa/s."""
+        """Residuals at `time_s`, shape (3, n): of the force in N, and of the pressure rates in Pa/s."""
         (k0, k1, k2), terms = self.kernel, self.terms
         inertia = moving_mass(self.drive) * np.convolve(self.position, k2, "valid")
         force = inertia - np.convolve(terms["force_n"] - terms["friction_n"], k0, "valid")
@@ -508,7 +508,7 @@ def openings(drive: Drive, command: Array) -> Array:
 
 
 def moving_mass(drive: Drive) -> float:
-    """Mass of piston and load, kg."""
+    """Return the mass of piston and load in kg."""
     return drive.cylinder.moving_mass_kg + drive.carried.mass_kg
 
 
@@ -559,7 +559,7 @@ def _sliding(drive: Drive, signals: Signals) -> Bools:
 
 
 def bending_m(drive: Drive) -> float:
-    """Return the travel after a reversal before friction is that of steady sliding, m."""
+    """Return the travel in m from a reversal until friction is that of steady sliding."""
     known = drive.friction.parameters
     stiffness = known.get("bristle_stiffness")
     level = known.get("breakaway", known.get("coulomb", 0.0))
@@ -583,7 +583,7 @@ MOST_STOP_S = 1.0
 
 @dataclass(frozen=True, eq=False)
 class ModelRun:
-    """Simulation of a recorded command.
+    """Simulation of a drive under a recorded command.
 
     Attributes
     ----------
@@ -609,7 +609,7 @@ class RecordedBreakaway:
     start_s, onset_s : float
         Times at which the piston came to rest, and started to move.
     measured_n, model_n : float
-        Peak of the friction force in the direction of motion, N.
+        Peak of the friction force in the direction of motion, in N.
     model_moved : bool
         Whether the model broke away before the next stop. If not, `model_n` is its largest force at rest.
     """
@@ -631,8 +631,8 @@ def run_model(drive: Drive, signals: Signals, restarts: Ints | None = None) -> M
 
     A reset sets position, velocity and pressures. Temperatures, inner states of friction and the gas of tubes and
     joints continue. At the start, temperatures are measured or ambient. In a drive without tubes, the bristles start
-    with a deflection that balances the pressures, otherwise undeflected. In a drive with tubes, a failed segment ends
-    the run, because the state of the gas in the tubes is then unknown.
+    with a deflection that balances the pressures; otherwise they start undeflected. In a drive with tubes, a failed
+    segment ends the run, because the state of the gas in the tubes is then unknown.
     """
     at = np.zeros(1, dtype=np.int64) if restarts is None else np.asarray(restarts, dtype=np.int64)
     states = np.array([signals.state(int(i)) for i in at])

@@ -1,7 +1,7 @@
-"""Possible causes of model errors. Each is a change of one quantity, with its effect on the balances.
+"""Possible causes of model errors. Each cause is a change to one quantity, with an effect on the balances.
 
-A cause changes the scene (drive, sensors, openings of the valve) by an amount, or adds a term to a residual. Its column
-in the regression is the difference quotient of the residuals. causes.toml has units and texts.
+A cause changes the scene (drive, sensors, openings of the valve) by an amount, or adds a term to a residual. The column
+of a cause in the regression is the difference quotient of the residuals. causes.toml has units and texts.
 """
 
 from __future__ import annotations
@@ -53,19 +53,19 @@ class Cause:
         Smallest relevant amount.
     remedy : str
     change : callable or None
-        (scene, amount) -> scene.
+        (scene, amount) -> changed scene.
     ratio : callable or None
         Scene -> ratio of the pressures after and before a leak at each sample, and critical ratio of the leak.
     profile : callable or None
         Scene -> columns, for a cause with several coefficients.
     parts : int
-        Number of coefficients; more coefficients explain more by chance.
+        Number of coefficients; a cause with more coefficients explains more by chance.
     bounds : tuple of float
         Smallest and largest amount that a description allows.
     described : bool
         Whether a drive file or the sensor data can describe the cause.
     free : tuple of str
-        Values of the drive file to identify, to correct the error.
+        Values of the drive file that a new identification should fit to correct the error.
     """
 
     key: str
@@ -97,7 +97,7 @@ def causes(drive: Drive) -> list[Cause]:
 
 
 def _value(key: str, si_unit: str, value: Callable[[Drive, float], float]) -> Change:
-    """Make a change of one value of the description, from a function (drive, amount) -> value, SI."""
+    """Return the change to one value of the description; `value` is a function (drive, amount) -> value in SI."""
     return _drive(lambda drive, amount: {key: write(value(drive, amount), si_unit)})
 
 
@@ -137,7 +137,7 @@ def _breakaway(drive: Drive, amount: float) -> float:
 
 
 def _pressure_friction(drive: Drive, amount: float) -> Plain:
-    """Change Coulomb and breakaway force with the pressure in either chamber, N/Pa."""
+    """Change the slopes of Coulomb and breakaway force over the pressure of each chamber by an amount in N/Pa."""
     seals = drive.friction.pressure
     pairs = {}
     for name in ("coulomb", "breakaway"):
@@ -217,9 +217,9 @@ _supply = _drive(lambda drive, amount: {"supply.pressure": f"{drive.supply_press
 
 
 def _opened(how: Callable[[Array, Array], Array], *edges: int) -> Change:
-    """Make a change of the openings of valve edges from a function (openings, amount at each edge) -> openings.
+    """Return the change to the openings of valve edges by `how`: (openings, amount at each edge) -> openings.
 
-    `numpy.add` keeps the edges open by a fraction of the full conductance: a leak.
+    `numpy.add` models a leak: the edges stay open by a fraction of the full conductance.
     """
 
     def change(scene: Scene, amount: float) -> Scene:
@@ -231,12 +231,12 @@ def _opened(how: Callable[[Array, Array], Array], *edges: int) -> Change:
 
 
 def _edges(*edges: int) -> Change:
-    """Make a change of the conductance of valve edges by a fraction."""
+    """Return the change to the conductance of valve edges by a fraction."""
     return _opened(lambda opened, share: np.maximum(opened * (1.0 + share), 0.0), *edges)
 
 
 def _command(how: Callable[[Array, float, float], Array]) -> Change:
-    """Make a change of the openings from a function (command, amount, step) -> command."""
+    """Return the change to the openings under a command changed by `how`: (command, amount, step) -> command."""
 
     def change(scene: Scene, amount: float) -> Scene:
         return _reopened(scene, scene.drive, how(scene.signals.command, amount, scene.signals.step_s))
@@ -264,7 +264,7 @@ def _delayed(command: Array, delay_s: float, step_s: float) -> Array:
 
 
 def _sag(lag_s: float) -> Change:
-    """Make a drop of the supply pressure with the flow, through a first-order lag. Amount: largest drop, Pa."""
+    """Return a drop of the supply pressure that follows the flow with a first-order lag. Amount: largest drop in Pa."""
 
     def change(scene: Scene, amount: float) -> Scene:
         step = 1e-3 * scene.drive.supply_pressure_pa
@@ -295,7 +295,7 @@ def _leakage(drive: Drive, share: float) -> float:
 
 
 def _to_ambient(chamber: int) -> Callable[[Scene], tuple[Array, float]]:
-    """Return a function for the pressure ratio of a leak to the ambient air, and its critical ratio."""
+    """Return a function: scene -> pressure ratio of a leak to the ambient air, and critical ratio of the leak."""
     return lambda scene: (
         scene.drive.ambient.pressure_pa / scene.pressures[chamber],
         scene.drive.valve.critical_pressure_ratio,
@@ -331,7 +331,7 @@ def _dead_volume(sides: str) -> Change:
 
 
 def _sensor(position: float = 0.0, a: float = 0.0, b: float = 0.0) -> Change:
-    """Make a change for sensors that read too high by an amount, so that true values are lower."""
+    """Return the change for sensors that read too high by an amount: the true values are lower."""
 
     def change(scene: Scene, amount: float) -> Scene:
         p_a, p_b = scene.pressures

@@ -68,13 +68,13 @@ class Culprit:
         Change of the model, in the unit of the cause.
     stderr : float
     share : float
-        Explained fraction of the squared residual before this cause.
+        Fraction that this cause explains of the squared residual left by the previous causes.
     rivals : tuple of (str, float)
         Causes that the records cannot distinguish from this cause, each with its explained fraction.
     laws : tuple of float or None
         For a leak, lowest and highest amount over the flow laws that the recordings do not distinguish.
     moved : tuple of str
-        Identified values that changed significantly when fitted together with the cause, in words.
+        Identified values that changed significantly when fitted together with the cause, as text.
     """
 
     cause: Cause
@@ -92,7 +92,7 @@ class Culprit:
 
     @property
     def free(self) -> tuple[str, ...]:
-        """Values of the drive file to identify to correct the error."""
+        """Values of the drive file that a new identification should fit to correct the error."""
         return self.cause.free
 
     @property
@@ -117,7 +117,7 @@ class Culprit:
             text += "; the recordings cannot distinguish this from " + ", ".join(
                 f"{key} ({100 * s:.0f} %)" for key, s in self.rivals[:4]
             )
-        limit = "" if cause.described else ". A drive file cannot describe it yet"
+        limit = "" if cause.described else ". A drive file cannot describe this cause yet"
         return f"{text}{limit}. Remedy: {cause.remedy}."
 
 
@@ -148,7 +148,7 @@ class Diagnosis(Shown):
         return all(value <= CLEAN for value in self.size.values() if np.isfinite(value))
 
     def __str__(self) -> str:
-        """Return the findings in words."""
+        """Return the findings as text."""
         if self.is_clean and not self.culprits:
             return "the balances close: the residuals are sensor noise and less than 1 % of the terms"
         if not self.culprits:
@@ -161,7 +161,7 @@ class Diagnosis(Shown):
 
 @dataclass(frozen=True, eq=False)
 class _Fit:
-    """Fitted cause, which is the last of the causes fitted together.
+    """Fit of a cause, alone or with others. The tested cause is the last of `causes`.
 
     Attributes
     ----------
@@ -240,7 +240,7 @@ class _Regression:
         return np.concatenate(out)
 
     def changed(self, every: Sequence[Cause], amounts: Array | Sequence[float]) -> list[Scene]:
-        """Return the model changed by amounts of causes."""
+        """Return the model changed by these amounts of the causes."""
         scenes = self.scenes
         for cause, amount in zip(every, np.asarray(amounts).tolist(), strict=True):
             if amount:
@@ -249,7 +249,7 @@ class _Regression:
         return scenes
 
     def residual(self, every: Sequence[Cause], amounts: Array | Sequence[float]) -> Array | None:
-        """Return the stacked residual with amounts of causes; None if the changed drive or motion is invalid."""
+        """Return the stacked residual with these amounts of causes; None if the changed drive or motion is invalid."""
         try:
             residual = self.stacked(scene.residuals for scene in self.changed(every, amounts))
         except (DescriptionError, SimulationError):
@@ -420,8 +420,8 @@ class _Regression:
         """Return the range of amounts of a leak over its possible critical pressure ratios; None for other causes.
 
         The shape of a leak is unknown. Its critical ratio is 0 for a narrow gap and 0.53 for a nozzle [iso6358-2013].
-        For each flow law, the effect of the leak is rescaled at each sample. Laws with a residual close to the smallest
-        one are included.
+        For each flow law, the effect of the leak is rescaled at each sample. The range covers the laws whose residual
+        is close to the smallest.
         """
         if fit.cause.ratio is None:
             return None
@@ -493,7 +493,7 @@ _SAID = {"s": (1e3, "ms"), "share of C": (100.0, "%"), "share": (100.0, "%")}
 
 
 def _in_words(cause: Cause, amount: float, stderr: float | None = None) -> str:
-    """Return a cause with its amount, and with its uncertainty if the standard error is known."""
+    """Return a cause with its amount as text, including the uncertainty if the standard error is known."""
     size, unit = readable(cause.unit)
     factor, unit = _SAID.get(cause.unit, (1.0 / size, unit))
     compared = cause.words.startswith("{size} ")

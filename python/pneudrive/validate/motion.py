@@ -80,7 +80,7 @@ class FrictionValidation(Reported):
 
     @property
     def inside(self) -> float:
-        """Fraction of all points with the law within their 95 % band."""
+        """Fraction of all points whose 95 % band contains the law."""
         return fraction_inside(self.points)
 
     @property
@@ -95,17 +95,17 @@ class FrictionValidation(Reported):
         return [target]
 
     def view(self) -> View:
-        """Return the agreement over all conditions and for each, with its figure."""
+        """Return the agreement over all conditions and for each condition, with a figure."""
         return upper("friction_view")(self)
 
 
 def agreement(points: pl.DataFrame) -> Metrics:
-    """Return the metrics of the law at measured points."""
+    """Return the metrics of the law compared with measured points."""
     return metrics(points["friction_n"].to_numpy(), points["model_n"].to_numpy())
 
 
 def fraction_inside(points: pl.DataFrame) -> float:
-    """Return the fraction of the points with the law within their 95 % band."""
+    """Return the fraction of the points whose 95 % band contains the law."""
     return float(points["model_n"].is_between(points["low_n"], points["high_n"]).to_numpy().mean())
 
 
@@ -143,7 +143,7 @@ def validate_friction(drive: Drive, path: str | Path) -> FrictionValidation:
 
 
 def law_n(drive: Drive, velocity_m_s: Array, gauge_a_pa: float, gauge_b_pa: float) -> Array:
-    """Return the steady friction of the drive's law, N, against the motion, at velocities and gauge pressures."""
+    """Return the steady friction of the drive's law in N, against the motion, at velocities and gauge pressures."""
     return steady_friction(drive.friction.core(), velocity_m_s, gauge_a_pa, gauge_b_pa, 0.5 * drive.cylinder.stroke_m)
 
 
@@ -160,7 +160,7 @@ def _curve(
 
 
 def _of_map(drive: Drive, path: Path) -> Iterator[pl.DataFrame]:
-    """Yield the curves of a friction map, for pressures that are equal to 0.1 bar."""
+    """Yield the curves of a friction map. Rows with the same pressures, rounded to 0.1 bar, form a curve."""
     from pneudrive.friction.friction_map import AMBIENT, read_map
 
     rows = read_map(path)
@@ -214,7 +214,7 @@ VISIBLE = 3.0  # the gas force must change by this multiple of the friction for 
 
 @dataclass(frozen=True)
 class Closure:
-    """Balance of one recording.
+    """Force balance of one recording.
 
     Attributes
     ----------
@@ -223,14 +223,14 @@ class Closure:
         RMS residual at stated areas, with offset and friction ``d + e |v|`` for each direction: in N, and as a fraction
         of the range.
     friction_n : dict
-        Direction -> friction at zero speed, N, and slope over speed, N s/m.
+        Direction -> friction at zero speed in N, and slope over speed in N s/m.
     offset_n : float
     gains : dict
         Parallel force -> its gain, fitted as a free parameter, with 95 % interval. ``gas`` is the gas force.
     viscous : Estimate
-        Slope of friction over speed in +x, fitted together with the gains, N s/m.
+        Slope of friction over speed in +x in N s/m, fitted together with the gains.
     correlation : float or None
-        Correlation of the first parallel force's gain with that slope.
+        Correlation between the gain of the first parallel force and `viscous`.
     range_n, fastest_m_s : float
         Range of the measured force; largest speed in sliding.
     time_s, residual_n : ndarray
@@ -261,7 +261,7 @@ class Closure:
     recorded: Closure | None = field(default=None, repr=False)
 
     def friction_at(self, speed_m_s: float) -> float:
-        """Return the friction at a signed velocity, N, positive if it opposes the motion."""
+        """Return the friction in N at a signed velocity, positive if it opposes the motion."""
         at_rest, slope = self.friction_n[1 if speed_m_s > 0.0 else -1]
         return at_rest + slope * abs(speed_m_s)
 
@@ -275,7 +275,7 @@ class Closure:
             for way in self.friction_n:
                 speed = way * self.fastest_m_s
                 lines.append(
-                    f"friction at {speed:.2g} m/s: {self.friction_at(speed):.4g} N, with the delay as recorded "
+                    f"friction at {speed:.2g} m/s: {self.friction_at(speed):.4g} N; with the recorded delay: "
                     f"{self.recorded.friction_at(speed):.4g} N"
                 )
         for name, gain in self.gains.items():
@@ -388,12 +388,12 @@ def _doubts(recording: Recording, sliding: _Sliding, share: float, *, brakes: bo
         return []
     turned = replace(recording, force_n=-recording.force_n)
     swapped = replace(recording, pressure_a_pa=recording.pressure_b_pa, pressure_b_pa=recording.pressure_a_pa)
-    others = {'the force has the other sign: change its "positive" in the layout': turned}
+    others = {'the force has the wrong sign: change its "positive" in the layout': turned}
     others["pressure_a and pressure_b are swapped"] = swapped
     for place, force in enumerate(recording.parallel):
         parallel = list(recording.parallel)
         parallel[place] = force._replace(force_n=-force.force_n)
-        others[f'the {force.name} acts in the other direction: change its "positive" in the layout'] = replace(
+        others[f'the {force.name} acts in the opposite direction: change its "positive" in the layout'] = replace(
             recording, parallel=tuple(parallel)
         )
     span, sizes = np.ptp(recording.force_n) or 1.0, {}
@@ -493,7 +493,7 @@ def validate_motion(
     """Compare a circuit with recordings of its driven piston, and check the balance of the measured forces.
 
     Start pressures, start temperatures and the delay of the pressures are fitted for each recording. All other numbers
-    are fixed. Recordings with open chambers test the force balance only.
+    are fixed. Recordings with open chambers test only the force balance.
 
     Parameters
     ----------
@@ -548,7 +548,7 @@ def _late(records: tuple[motions.FollowRecord, ...]) -> list[str]:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class RegulatorValidation(Reported):
-    """The fit of a regulator compared with runs. All values are fixed. A run starts at its first measured pressure.
+    """The fit of a regulator compared with runs. All values are fixed. A run starts at the first measured pressure.
 
     Attributes
     ----------
@@ -565,7 +565,7 @@ class RegulatorValidation(Reported):
 
     @property
     def notes(self) -> list[str]:
-        """Sentences on the held-out runs, and on the residual of the fit itself."""
+        """Sentences about the held-out runs, and about the residual of the fit itself."""
         made = all(run["badge"] == MADE for run in self.runs)
         size = self.fit.statistics["rms"]
         return [*(NONE_HELD_OUT,) * made, f"the fit itself has an rms of {100 * size:.2f} % of the range"]

@@ -63,9 +63,9 @@ class ChannelResult:
         Metrics of the free run and of the runs from measured states.
     whiteness : Whiteness
     cross : dict
-        Signal -> strongest correlation of the free run's residual with it.
+        Signal -> strongest correlation of the free run's residual with this signal.
     off_s : float or None
-        Time from which the free run deviates, s; None if it does not.
+        Time in s from which the free run deviates; None if it does not.
     """
 
     free: balance.Metrics
@@ -77,7 +77,7 @@ class ChannelResult:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class RecordResult(Shown):
-    """Results of one recording."""
+    """Results of one recording: its signals, the runs, the results of its channels, and breakaway after stops."""
 
     signals: balance.Signals
     free: balance.ModelRun
@@ -120,7 +120,7 @@ class Validation(Viewed):
     drive : Drive
     records : tuple of RecordResult
     window_s : float
-        Length of the runs from measured states, s.
+        Length of the runs from measured states, in s.
     fitted : dict
         Recordings from which the drive was fitted: name -> hash. Empty if unknown, or without a fit.
     """
@@ -197,7 +197,7 @@ class Validation(Viewed):
     def write(self, folder: str | Path) -> list[Path]:
         """Write validation.toml (metrics, verdicts, diagnosis) and run-1.parquet, ... into an existing folder.
 
-        A file of a run has the recording and the model on a uniform time base. Its columns are ``free.position_m`` of
+        The file of a run has the recording and the model on a uniform time base. Its columns are ``free.position_m`` of
         the free run and ``restarted.position_m`` of the runs from measured states, in SI, with NaN for missing results.
         """
         tables, drive = self.content(), self.drive
@@ -259,8 +259,8 @@ class Validation(Viewed):
         if missed and self.diagnosis().is_clean and not self.diagnosis().culprits:
             left = "tubes, flow controls, valve and supply, " if has_lines else ""
             said.append(
-                f"the error is not in the balances ({left}presliding, stops, impacts, the first state), "
-                "or in small errors that add up in the free run"
+                f"the cause is not part of the balances ({left}presliding, stops, impacts, the first state), "
+                "or small errors add up in the free run"
             )
         return said
 
@@ -311,7 +311,7 @@ def validate(
     ----------
     drive : Drive or DriveFit
         Drive to validate. A fit is applied to its drive, and its sensor errors are corrected; verdicts come from
-        the recordings that were held out of the fit. It may also be a fit along motions, or of a regulator.
+        the recordings that were held out of the fit. `drive` may also be a fit along motions or the fit of a regulator.
     recordings
         One or several recordings. Each is a file of ``pneudrive simulate --out``, a foreign file with a layout, a
         result of ``pn.simulate``, or a mapping of SI columns (time_s, command, position_m, pressure_a_pa,
@@ -321,11 +321,11 @@ def validate(
     layout
         Layout of foreign files. None: ``layout.toml`` next to the file.
     window_s : float
-        Length of the runs that start from measured states, s.
+        Length of the runs that start from measured states, in s.
     sensors : DriveFit or mapping, optional
-        Known sensor errors, for which the recordings are corrected: a fit, or channel -> offset, gain (``{"offset":
-        "0.02 bar"}``), and delay for the command. A fit has errors for each of its recordings; their mean is used for a
-        new recording.
+        Known sensor errors, for which the recordings are corrected: a fit, or channel -> offset and gain (``{"offset":
+        "0.02 bar"}``), and a delay for the command. A fit has errors for each of its recordings; a new recording gets
+        the mean errors.
     progress : callable, optional
         Called as ``progress(done, total, task)``, see `pneudrive.progress.Watch`.
     cancel : object with ``is_set()``, optional
@@ -387,7 +387,7 @@ def validate(
     return found
 
 
-SWITCHES = "The valve has switching times. Balances take it as switched at once, so no cause is named."
+SWITCHES = "The valve has switching times, but the balances assume immediate switching, so no cause is named."
 
 
 def _notes(records: Sequence[RecordResult]) -> Iterator[str]:
@@ -404,11 +404,11 @@ def _notes(records: Sequence[RecordResult]) -> Iterator[str]:
             )
         elif position.free.fit_percent < 0.0 and position.restarted.fit_percent < WAY_PERCENT:
             yield (
-                f"{r.recording.name}: the model moves another way than the recording. Check for a reversed sign or "
+                f"{r.recording.name}: the model moves in the opposite direction. Check for a reversed sign or "
                 "swapped chambers: a command above 0 fills chamber a, which moves the piston towards greater positions"
             )
         elif _is_crossed(r):
-            yield f"{r.recording.name}: its pressures fit with the chambers exchanged. Check which column is pressure a"
+            yield f"{r.recording.name}: the pressures fit if the chambers are swapped. Check which column is pressure a"
         for run, words in ((r.free, "free run"), (r.restarted, "runs from measured states")):
             if run.failures:
                 lost = int(np.isnan(run["position_m"]).sum())
@@ -451,7 +451,7 @@ def _record(drive: Drive, signals: balance.Signals, window_s: float) -> RecordRe
 
 
 def run_name(number: int) -> str:
-    """Return the name of the file of a run, counted from 0."""
+    """Return the file name of the run with this number, counted from 0."""
     return f"run-{number + 1}.parquet"
 
 

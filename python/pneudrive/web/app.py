@@ -154,7 +154,7 @@ def _door(name: str) -> tuple[Callable[..., Any], Mapping[str, Parameter], type[
 
 
 def _json(answer: Any) -> JSONResponse:  # noqa: ANN401 - plain data
-    """Return an answer. Arrays and records become plain data. Infinite values and NaN, as in a file, become null."""
+    """Return an answer as JSON. Arrays and records become plain data. Infinite values and NaN become null."""
     try:
         return JSONResponse({} if answer is None else answer)
     except (TypeError, ValueError):

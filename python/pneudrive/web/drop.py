@@ -76,7 +76,7 @@ def rename(workspace: Workspace, path: str, to: str) -> None:
     Raises
     ------
     CommandError
-        The file does not exist or folder, the ending changes, or the new name is taken.
+        The file or the folder does not exist, the ending changes, or the new name is taken.
     """
     place, target = workspace.path(path), workspace.path(to)
     if place.suffix.lower() != target.suffix.lower():
@@ -115,7 +115,7 @@ def with_own_layout(workspace: Workspace, path: str, text: str) -> Plain:
         except FileExistsError:
             raise CommandError(f"{own} already exists", remedy="Rename one of the two.") from None
         except OSError as error:
-            raise CommandError(f"{own} cannot be written: {error.strerror}", remedy="Check its rights.") from None
+            raise CommandError(f"{own} cannot be written: {error.strerror}", remedy="Check permissions.") from None
     return {"path": f"{own}/{place.name}"}
 
 

@@ -126,7 +126,7 @@ class Guard:
         if _header(scope, "sec-fetch-site") not in (None, "same-origin", "none") and not (
             opens_page and scope["path"] == "/"  # the file that leads a browser here is another site
         ):
-            raise RefusedError(403, "another site asks")
+            raise RefusedError(403, "the request comes from another site")
         if is_socket and self.sockets >= MOST_SOCKETS:
             raise RefusedError(503, f"{MOST_SOCKETS} sockets are open")
         self._check_token(scope, is_socket=is_socket)

@@ -88,7 +88,7 @@ class Lineage:
         return by_stem(self.files.values())
 
     def _read(self, read: Callable[..., Any], path: str, *of: Any) -> Any:  # noqa: ANN401 - content of the file, or its hash
-        """Return the result of a function for a file, kept until the file changes. None for an unreadable file."""
+        """Return the result of a function for a file, cached until the file changes; None for an unreadable file."""
         return _kept(read, self.workspace, path, self.files[path].changed if path in self.files else 0.0, *of)
 
     def edges(self, path: str) -> list[Edge]:
@@ -108,7 +108,7 @@ class Lineage:
         return replace(one, path=path, state=state)
 
     def _path(self, one: Edge, of: str) -> str:
-        """Return the file of an input, from the folder of the result or the workspace. A recording is found by name."""
+        """Return the file of an input in the folder of the result or in the workspace. A recording is found by name."""
         if one.kind == "drive" and is_in_catalogue(one.file):
             return one.file
         file, root = Path(one.file), self.workspace.root
@@ -140,7 +140,7 @@ class Lineage:
         return self._read(_identified, path) or described_at(self.workspace, path)
 
     def drive_of(self, path: str) -> tuple[str, Drive | None]:
-        """Return file and drive of a result's drive; "" and None if the file is missing or has changed."""
+        """Return file and content of a result's drive; "" and None if the file is missing or has changed."""
         place = next((edge.path for edge in self.edges(path) if edge.kind == "drive" and edge.state == SAME), "")
         described = self._described(place) if place else None
         return place, described if isinstance(described, Drive) else None
@@ -231,7 +231,7 @@ def _identified(path: Path) -> Drive | None:
 
 
 def _hashes(path: Path, kind: str, workspace: Workspace) -> Collection[str]:
-    """Return the hashes by which results name a file: of its values, its samples, or its bytes.
+    """Return the hashes by which results identify a file: of its values, its samples, or its bytes.
 
     Friction maps refer to the file of a recording, and other results to its samples.
     """

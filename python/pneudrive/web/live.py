@@ -63,7 +63,7 @@ async def live(socket: WebSocket, workspace: Workspace, threads: asyncio.Semapho
 
 
 def answer(workspace: Workspace, message: str, limit: RunLimit | None = None) -> bytes:
-    """Run the request of a message, and return the frame of the answer with its number."""
+    """Run the request of a message, and return the answer as a frame with the number of the request."""
     number = path = None
     limit = limit or RunLimit()
     try:
@@ -114,7 +114,7 @@ def panels_of(run: Run) -> list[Plain]:
 
 
 def frame_of(run: Run, panels: Sequence[Plain], pixels: int, head: Plain, beside: Plain) -> bytes:
-    """Pack the drawn data of a run: time and the columns of its panels, in SI, with notes."""
+    """Pack the drawn data of a run: time and the columns of its panels in SI, and notes in the head."""
     names = (curve["column"] for panel in panels for curve in panel["curves"])
     columns = {name: run.columns[name] for name in ("time_s", *names)}
     about = run.provenance

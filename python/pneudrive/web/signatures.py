@@ -257,7 +257,7 @@ def copied_job(workspace: Workspace, given: Plain) -> Plain:
 
 
 def requested_job(workspace: Workspace, given: Plain) -> JobRequest:
-    """Return the job of a request. It may name a campaign, or the folder of a search that it continues.
+    """Return the job of a request. The request may name a campaign, or the folder of a search to be continued.
 
     Raises
     ------
@@ -273,7 +273,7 @@ def requested_job(workspace: Workspace, given: Plain) -> JobRequest:
         return JobRequest(words(kind, campaign, out=out), out, python=python("campaign", folder=campaign))
     if kind == "size" and (folder := given.get("resume")) is not None:
         if is_held(workspace.folder(folder) / LOCK):
-            raise CommandError(f"a process searches in {folder} already", remedy="Wait until it ends.")
+            raise CommandError(f"a process searches in {folder} already", remedy="Wait until this process ends.")
         existing_folder(workspace, folder)
         return _job_of(kind, {**given, "name": "sizing"}, workspace, folder)
     return _job_of(kind, given, workspace)

@@ -54,7 +54,7 @@ class ChangedError(Exception):
 
 @dataclass(frozen=True)
 class Listed:
-    """One file of the workspace: path from its root, kind, bytes, time of its last change in s."""
+    """One file of the workspace: path from its root, kind, size in bytes, and time of its last change in s."""
 
     path: str
     kind: str

@@ -33,7 +33,7 @@ BROKEN = {
         '[stop]\ndurations = "1 s"\nposition = "290 mm"\nrecovery = "20 mm"\n',
         {},
         {},
-        ["stroke: cycle b1/stop/t1/a0/b0/v10/held/x290mm/+x", "310 mm; from 5 mm to 295 mm", "approach or recovery"],
+        ["stroke: cycle b1/stop/t1/a0/b0/v10/held/x290mm/+x", "310 mm; allowed: 5 mm to 295", "approach or recovery"],
     ),
     "force, unequal pressures": (
         SWEEP + UNEQUAL,
@@ -58,13 +58,13 @@ BROKEN = {
         UNEQUAL + '[stop]\ndurations = "1 s"\naxis = "released"\n',
         {},
         {},
-        ["release: cycle b1/stop/t1/a2/b0/v10/released", "push with 98 N", "at most 20 N"],
+        ["release: cycle b1/stop/t1/a2/b0/v10/released", "axis with 98 N", "at most 20 N"],
     ),
     "release, weight": (
         SWEEP + '[before_block]\ntare = "5 s"\n',
         {"expected_friction_n": 7.0},
         {"incline_rad": -1.5707963},
-        ["release: cycle b1/tare", "push with 7.85 N"],
+        ["release: cycle b1/tare", "axis with 7.85 N"],
     ),
     "pressure": (
         SWEEP + BOTH,

@@ -49,7 +49,7 @@ WRONG = [
     ('["1 s", "15 s"]', '["1 s", "1 s"]', 13, "1 s occurs twice", "repeats"),
     ('["1 s", "15 s"]', '{ from = "1 s", to = "15 s", cont = 3 }', 13, "'cont' is not known here", "'count'"),
     ('"50 %"', '"150 %"', 14, '"150 %" lies outside the range', "0 % to 100 %"),
-    ('["a", "b"]', '["a", "a"]', 17, "'a' is empty or occurs twice", "levels differ"),
+    ('["a", "b"]', '["a", "a"]', 17, "'a' is empty or occurs twice", "levels must differ"),
     ("average = 5", "average = 0", 20, "0 is not a number of samples", '"none"'),
     ("repeats = 2", "repeats = 0", 2, "0 is out of bounds", "at least 1"),
     ("[mounting]", '[order]\nkind = "random"\n[mounting]', 17, "is not known", "Did you mean 'randomised'?"),

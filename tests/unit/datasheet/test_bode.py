@@ -88,3 +88,26 @@ def test_the_panels_are_a_bode_plot_in_decibels_and_its_phase_over_a_logarithmic
     size, phase = characteristic_panels(found)
     assert (size.x.scale, "dB" in size.y.label, "deg" in phase.y.label) == ("log", True, True)
     assert np.allclose(phase.marks[0].y, found.velocity_phase)
+    titles = [f"Frequency response: Reference rodless drive, {part}" for part in ("magnitude", "phase")]
+    assert [size.title, phase.title] == titles
+    drawn = pn.report.plot_characteristic(found).axes[1]
+    assert set(np.diff(drawn.get_yticks())) == {45.0}
+
+
+@pytest.mark.parametrize("viscous", [0.0, 2.0, 20.0, 80.0])
+def test_the_table_reaches_the_peak_of_the_resonance_at_any_damping(viscous):
+    axis = pn.Circuit.load(EXAMPLES / "controlled_axis.toml")
+    tables = axis.to_dict()
+    tables["components"]["cylinder"]["friction"]["viscous"] = f"{viscous} N s/m"
+    found = pn.drive_characteristic(pn.Circuit.model_validate(tables), "bode", intervals=False)
+    near = np.linspace(0.999, 1.001, 4001) * float(found.resonance)
+    fine = pn.drive_characteristic(pn.Circuit.model_validate(tables), "bode", intervals=False, frequencies=near)
+    peak = float(fine.velocity_magnitude.max())
+    assert peak == pytest.approx(float(found.peak), abs=1e-3)
+    assert peak == pytest.approx(float(found.velocity_magnitude.max()), abs=0.1)
+    # Of a second-order mode: 3 dB below its peak, the frequencies are 2 zeta apart.
+    zeta = float(found.damping_ratio)
+    sides = float(found.resonance) * np.array([1.0 - zeta, 1.0 + zeta])
+    if zeta < 0.02:
+        at = pn.drive_characteristic(pn.Circuit.model_validate(tables), "bode", intervals=False, frequencies=sides)
+        assert peak - at.velocity_magnitude.values == pytest.approx(3.0, abs=0.2)

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import xarray as xr
 
 import pneudrive as pn
 from pneudrive.datasheet import sheet
@@ -52,7 +53,7 @@ def test_a_datasheet_beside_an_independent_model(tmp_path, monkeypatch, printed)
     assert text.count("<svg") == 3
     assert not re.search(r'(src|href)="(?!#|data:)', text)
     assert "assumed: reference drive" in text
-    assert "simulated beside synthetic recordings</h1>" in text
+    assert "simulated, compared with synthetic recordings</h1>" in text
 
 
 def test_a_wrong_drive_differs_from_the_recording(tmp_path):
@@ -105,8 +106,8 @@ def test_a_pressure_peak_and_a_lock_that_slips_are_hazards(monkeypatch):
     tables["components"]["lock"] = {"kind": "rod-lock", "holding_force": "800 N"}
     tables["connections"] = [*tables["connections"], "cylinder.rod -> lock"]
     (slips, *_) = build(type(DRIVE.circuit).model_validate(tables), [], None, UNWATCHED, intervals=False).hazards
-    assert slips.text.endswith("friction at rest and locks hold 845 N.")
-    tables["components"]["lock"]["holding_force"] = "900 N"
+    assert slips.text.endswith("friction at rest and locks hold only 845 N.")
+    tables["components"]["lock"]["holding_force"] = "1 kN"
     held = build(type(DRIVE.circuit).model_validate(tables), [], None, UNWATCHED, intervals=False).hazards
     assert not any("locks hold" in one.text for one in held)
 
@@ -200,6 +201,12 @@ def test_the_circuit_of_a_drive_has_the_numbers_of_the_drive(tmp_path, printed, 
     assert said[0] == said[1]
 
 
+def test_a_number_is_zero_only_within_the_error_of_its_computation():
+    numbers = {"leak": (-1.93e-8, "1/s"), "conductance": (9e-10, "m3/(s Pa)"), "speed": (1e-12, "m/s")}
+    found = xr.Dataset({name: ((), value, {"units": unit}) for name, (value, unit) in numbers.items()})
+    assert [sheet.shown(found, name, {}) for name in numbers] == ["0 1/s", "0.0900 dm3/(s bar)", "0 m/s"]
+
+
 def test_hazards_are_the_first_lines_of_a_sheet(monkeypatch):
     """A load that hangs, and an impact above 4 mJ for each mm2: 1.96 J at a bore of 25 mm."""
     monkeypatch.setattr(sheet, "OF_A_SHEET", ("square-response",))
@@ -208,11 +215,22 @@ def test_hazards_are_the_first_lines_of_a_sheet(monkeypatch):
         build(heavy.replace({"cylinder.incline": angle}), [], None, UNWATCHED, intervals=False)
         for angle in ("0 deg", "90 deg")
     )
-    assert "is harder than a cylinder of this bore usually takes, 1.96 J" in level.findings[0].text
+    assert "exceeds the 1.96 J that a cylinder of this bore usually takes (assumed" in level.findings[0].text
     assert len(level.hazards) == 1
     weight = 9.80665 * (9.0 + DRIVE.cylinder.moving_mass)
-    assert upright.findings[0].text.endswith(f"piston with {weight:.3g} N, but friction at rest and locks hold 45 N.")
+    assert upright.findings[0].text.endswith(f"with {weight:.3g} N, but friction at rest and locks hold only 45 N.")
     assert all(finding.text.startswith("Hazard: ") for finding in upright.hazards)
+    light = DRIVE.replace({"load.mass": "1 kg", "cylinder.incline": "90 deg"})  # friction alone would hold it
+    measured = light.replace(
+        {"friction.coulomb": "30 N", "friction.pressure": {"coulomb": {"a": "1 N/bar", "b": "1 N/bar"}}}
+    )
+    task = {"labels": {"held_by": "clamp", "clamp_force": "40 N", "impact_energy": "5 J"}}
+    labelled = type(DRIVE.circuit).model_validate(light.circuit.to_dict() | task)
+    friction, known, clamped = (build(one, [], None, UNWATCHED, intervals=False) for one in (light, measured, labelled))
+    assert friction.hazards[0].state == "open"
+    assert "locks hold only 0 N: the rest is friction, and no measurement" in friction.hazards[0].text
+    assert not any("friction" in one.text for one in (*known.hazards, *clamped.hazards))
+    assert next(value.limit for value in clamped.view().leading if value.key == "impact") == 5.0
     tables = DRIVE.replace({"cylinder.incline": "90 deg", "load.force": "-60 N"}).circuit.to_dict()
     assert HeldDrive(type(DRIVE.circuit).model_validate(tables)).hanging_n == pytest.approx(
         weight - 9.0 * 9.80665 + 60.0

@@ -102,15 +102,15 @@ def test_a_folder_knows_the_commands_of_its_members(tmp_path):
 @pytest.mark.parametrize(
     ("told", "said"),
     [
-        ({"command": ["0 s: 1", "0 s: 0.5"]}, "the command of valve_l has 2 rows, and there are 3 members"),
+        ({"command": ["0 s: 1", "0 s: 0.5"]}, "the command of valve_l has 2 entries, but there are 3 members"),
         ({"command": {"valve_l": ["1", "2", "0"]}}, "valve_l: member 1: command = 2 at 0 s"),
         ({"command": {"valve_x": 1.0}}, 'no component "valve_x" takes a command'),
         ({"command": [{"valve_l": 1.0}, {"valve_r": 1.0}, {}]}, "commands of different components"),
-        ({"command": {"valve_l": abs}}, "is a function"),
-        ({"duration": ["1 ms", "2 ms"]}, "duration has 2 rows, and there are 3 members"),
+        ({"command": {"valve_l": abs}}, "a function cannot command"),
+        ({"duration": ["1 ms", "2 ms"]}, "duration has 2 entries, but there are 3 members"),
         ({"duration": [1e-3, 1e-3, 0.0]}, "duration of member 2 = 0.0"),
         ({"duration": [1e-3, 2e-3, 3e-3], "outputs": ["samples(left.position)"]}, "different durations"),
-        ({"initial": [{"tank": "5 bar abs"}] * 2}, "initial has 2 rows, and there are 3 members"),
+        ({"initial": [{"tank": "5 bar abs"}] * 2}, "initial has 2 start states, but there are 3 members"),
         ({"initial": [{"tank": "5 bar abs"}, {"left.a": "5 bar abs"}, {}]}, "different keys"),
         ({"initial": [{"left.position": f"{x} mm"} for x in (5, 500, 5)]}, "row 1 of the design: left.position = 500"),
         ({"vary": {"ambient.pressure": [1e5] * 3}, "initial": [{"tank": "5 bar gauge"}] * 3}, "which varies"),
@@ -156,7 +156,7 @@ def test_points_with_a_failed_member_are_left_out_and_told():
 @pytest.mark.parametrize(
     ("options", "said"),
     [
-        ({"vary": {"load.mass": [1.0, 2.0]}}, "a distribution of each number"),
+        ({"vary": {"load.mass": [1.0, 2.0]}}, "one distribution for each number"),
         ({"outputs": ["samples(position)"]}, "is sampled"),
         ({"n": 1}, "too few"),
     ],

@@ -160,7 +160,7 @@ def test_a_cancelled_study_ends():
         ({"cylinder.bore": ["20 mm", "-3 mm", "5 mm"]}, None, "row 1 of the design"),
         ({"cylinder.bore": [0.02, np.nan]}, None, "row 1 of the design"),
         ({"friction.coulomb": "uniform(30 N, 300 N)"}, 64, "friction.breakaway"),
-        ({"initial.position": ["800 mm"]}, None, "lies outside the stroke"),
+        ({"initial.position": ["800 mm"]}, None, "is outside the stroke"),
         ({"cylinder.bore": ["20 mm"], "load.mass": "uniform(1 kg, 2 kg)"}, 4, "mixes"),
         ({"cylinder.bore": "normal(20 mm, 1 kg)"}, 4, "cylinder.bore"),
         ({"cylinder.bore": "gauss(20 mm, 1 mm)"}, 4, "is not a distribution"),
@@ -196,7 +196,7 @@ def test_a_count_is_a_whole_number_within_bounds(key, given):
         ("median(position)", "is not an output"),
         ("final(position, velocity)", "has 2 arguments"),
         ("time_when(position)", "is not a condition"),
-        ("time_when(pressure_a > 2 bar gauge)", "signals are absolute"),
+        ("time_when(pressure_a > 2 bar gauge)", "an absolute pressure"),
         ("time_when(position > 2 kg)", "a length is needed"),
     ],
 )

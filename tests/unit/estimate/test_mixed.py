@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pneudrive.estimate.estimates import one_thread
-from pneudrive.estimate.mixed import MixedModel, RandomEffect, independent
+from pneudrive.estimate.mixed import MixedModel, RandomEffect, _mixed, independent
 
 GROUPS, REPEATS = 12, 6
 
@@ -68,6 +68,11 @@ def test_a_test_of_nothing_is_significant_by_chance_alone():
         found.append(model(group, y, x).fit().f_test(np.eye(3)[1:]).p)
     assert 0.01 <= np.mean(np.array(found) < 0.05) <= 0.10
     assert 0.13 <= np.mean(np.array(found) < 0.20) <= 0.28
+
+
+def test_a_mixture_of_variances_has_the_degrees_of_freedom_of_its_kurtosis():
+    found = _mixed(np.zeros((2, 1)), np.array([[1.0], [3.0]]), np.array([0.5, 0.5]))
+    assert (found.variance[0] * 12.0 / 10.0, found.freedom[0]) == pytest.approx((2.0, 12.0))  # kurtosis 5/4 of 3
 
 
 def test_columns_that_are_sums_of_others_are_left_out():

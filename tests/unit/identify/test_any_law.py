@@ -21,24 +21,25 @@ from pneudrive.identify.static.result import LawFit
 LAWS = Path(__file__).resolve().parents[3] / "examples" / "laws"
 
 
-def test_a_law_of_formulas_that_saturates_with_pressure_gives_its_truth_back(make_map):
-    def lip(coulomb, breakaway, pressed, scale, film, viscous):
-        return pn.Friction(
-            law=f"file:{LAWS / 'pressed_lip.toml'}",
-            coulomb=f"{coulomb} N", breakaway=f"{breakaway} N", pressed=pressed,
-            pressure_scale=f"{scale} bar", film_velocity=f"{film} mm/s", viscous=f"{viscous} N s/m",
-        )  # fmt: skip
+GUESS = pn.Friction(law="stribeck", coulomb="20 N", breakaway="50 N", stribeck_velocity="5 mm/s", viscous="100 N s/m")
+LIP = {"law": f"file:{LAWS / 'pressed_lip.toml'}", "coulomb": "12 N", "breakaway": "18 N", "pressed": 0.7}
+LIP |= {"pressure_scale": "1.6 bar", "film_velocity": "20 mm/s", "viscous": "45 N s/m"}
+SPEED, GAUGE = np.tile(np.geomspace(1e-3, 0.45, 5), 3), np.repeat([0.0, 2e5, 6e5], 5)
 
-    truth = lip(12.0, 18.0, 0.7, 1.6, 20.0, 45.0)
-    tables = truth.core()
-    law, values = tables.pop("law"), tables.pop("parameters")
-    tables = {key: value for key, value in tables.items() if value is not None}
-    gauges = np.repeat([0.0, 1e5, 2e5, 4e5, 6e5], 8)
-    speed = np.tile(np.geomspace(1e-3, 0.45, 8), 5)
-    zero = np.zeros(speed.size)
-    exact, _ = _core.steady_friction_sensitivity(law, values, [], speed, gauges, zero, zero, tables)
-    noise = 0.05 * np.random.default_rng(2).standard_normal(speed.size)
-    fit = fit_any_law(make_map(speed, exact + noise, 0.05, gauge_a=gauges), lip(8.0, 20.0, 0.4, 3.0, 8.0, 30.0))
+
+def lips(make_map, seed, **rest):
+    """Return the values of the law LIP, its friction at SPEED and GAUGE, and a map of it with noise."""
+    tables = {key: value for key, value in pn.Friction(**LIP).core().items() if value is not None}
+    law, values, zero = tables.pop("law"), tables.pop("parameters"), 0.0 * SPEED
+    exact, _ = _core.steady_friction_sensitivity(law, values, [], SPEED, GAUGE, zero, zero, tables)
+    noise = 0.05 * np.random.default_rng(seed).standard_normal(SPEED.size)
+    return values, exact, make_map(SPEED, exact + noise, 0.05, gauge_a=GAUGE, **rest)
+
+
+def test_a_law_of_formulas_that_saturates_with_pressure_gives_its_truth_back(make_map):
+    values, exact, curves = lips(make_map, 2)
+    start = {"coulomb": "8 N", "breakaway": "20 N", "pressed": 0.4, "pressure_scale": "3 bar"}
+    fit = fit_any_law(curves, pn.Friction(**LIP | start | {"film_velocity": "8 mm/s", "viscous": "30 N s/m"}))
     assert set(fit.unseen) >= {"damping", "film_time"}
     assert not fit.undetermined
     for name in ("coulomb", "breakaway", "pressed", "pressure_scale", "film_velocity", "viscous"):
@@ -46,17 +47,14 @@ def test_a_law_of_formulas_that_saturates_with_pressure_gives_its_truth_back(mak
         assert low < values[name] < high, name
         assert fit.parameters[name] == pytest.approx(values[name], rel=0.06), name
     assert fit.statistics["starts_agreeing"] >= 3
-    np.testing.assert_allclose(fit.predict(speed, gauges), exact, atol=0.1)
+    np.testing.assert_allclose(fit.predict(SPEED, GAUGE), exact, atol=0.1)
 
 
 def test_the_usual_law_gives_the_usual_fit(make_map, friction_of):
     speed = np.geomspace(1e-3, 0.45, 20)
     noise = 0.2 * np.random.default_rng(3).standard_normal(20)
     curves = make_map(speed, friction_of(speed) + noise, 0.2)
-    guess = pn.Friction(
-        law="stribeck", coulomb="20 N", breakaway="50 N", stribeck_velocity="5 mm/s", viscous="100 N s/m"
-    )
-    fit = fit_any_law(curves, guess, free=["coulomb", "breakaway", "stribeck_velocity", "viscous"])
+    fit = fit_any_law(curves, GUESS, free=["coulomb", "breakaway", "stribeck_velocity", "viscous"])
     usual = fit_friction(curves)
     profiles, grid = fit.profile(), usual.profile()  # two searches for the same intervals
     for name, ends in profiles.items():
@@ -71,17 +69,8 @@ def test_the_usual_law_gives_the_usual_fit(make_map, friction_of):
 @pytest.fixture(scope="module")
 def pressed(make_map):
     """Fit of a law of formulas to a map without noise, all of whose rows share an error of 1 N."""
-    text = {"coulomb": "12 N", "breakaway": "18 N", "pressed": 0.7, "pressure_scale": "1.6 bar"}
-    text |= {"film_velocity": "20 mm/s", "viscous": "45 N s/m"}
-    law = f"file:{LAWS / 'pressed_lip.toml'}"
-    tables = pn.Friction(law=law, **text).core()
-    name, values = tables.pop("law"), tables.pop("parameters")
-    gauges, speed = np.repeat([0.0, 1e5, 2e5, 4e5, 6e5], 8), np.tile(np.geomspace(1e-3, 0.45, 8), 5)
-    zero, tables = np.zeros(speed.size), {key: value for key, value in tables.items() if value is not None}
-    exact, _ = _core.steady_friction_sensitivity(name, values, [], speed, gauges, zero, zero, tables)
-    noise = 0.05 * np.random.default_rng(4).standard_normal(speed.size)
-    curves = make_map(speed, exact + noise, 0.05, gauge_a=gauges, systematic=1.0)
-    return fit_any_law(curves, pn.Friction(law=law, **text | {"coulomb": "9 N", "viscous": "30 N s/m"}))
+    curves = lips(make_map, 4, systematic=1.0)[2]
+    return fit_any_law(curves, pn.Friction(**LIP | {"coulomb": "9 N", "viscous": "30 N s/m"}))
 
 
 def test_a_drive_takes_the_law_with_intervals_that_hold_what_rows_share(pressed):
@@ -146,10 +135,7 @@ def test_a_guess_of_zero_is_no_end_of_the_search(make_map):
 def test_what_the_map_cannot_tell_has_no_interval(make_map, friction_of):
     speed = np.full(8, 0.4) * np.linspace(0.99, 1.01, 8)
     curves = make_map(speed, friction_of(speed), 0.2)
-    guess = pn.Friction(
-        law="stribeck", coulomb="20 N", breakaway="50 N", stribeck_velocity="5 mm/s", viscous="100 N s/m"
-    )
-    fit = fit_any_law(curves, guess, free=["coulomb", "viscous", "breakaway"])
+    fit = fit_any_law(curves, GUESS, free=["coulomb", "viscous", "breakaway"])
     assert "breakaway" in fit.undetermined
     assert "breakaway" not in fit.intervals
     assert re.search(r"breakaway +\S+ N +not determined", str(fit))
@@ -158,13 +144,10 @@ def test_what_the_map_cannot_tell_has_no_interval(make_map, friction_of):
 def test_messages(make_map, friction_of):
     speed = np.geomspace(1e-3, 0.45, 3)
     curves = make_map(speed, friction_of(speed))
-    guess = pn.Friction(
-        law="stribeck", coulomb="20 N", breakaway="50 N", stribeck_velocity="5 mm/s", viscous="100 N s/m"
-    )
     with pytest.raises(FitError, match="has no parameter 'columb'"):
-        fit_any_law(curves, guess, free=["columb"])
+        fit_any_law(curves, GUESS, free=["columb"])
     with pytest.raises(FitError, match="too few values"):
-        fit_any_law(curves, guess)
+        fit_any_law(curves, GUESS)
 
 
 # --- Whatever a map holds, a fit ends in a result whose parts fit together, or in one clear message.
@@ -213,7 +196,7 @@ def test_values_that_only_their_sum_determines_are_kept_with_the_error_of_the_mi
     fit = pn.identify(start, run, ["load.mass", "cylinder.moving_mass", "valve.conductance"])
     assert {u.parameter for u in fit.undetermined} == {"load.mass", "cylinder.moving_mass"}
     assert fit.values["valve.conductance"] == pytest.approx(truth.valve.conductance_m3_s_pa, rel=1e-4)
-    words = "apply keeps the start value of load.mass, cylinder.moving_mass in addition to the fitted values"
+    words = "apply keeps the start value of load.mass, cylinder.moving_mass together with the fitted values"
     with pytest.warns(PneudriveWarning, match=words) as said:
         mixed = fit.apply()
     again = pn.simulate(mixed, COMMAND, DURATION, initial=START)
@@ -225,7 +208,7 @@ def test_values_that_only_their_sum_determines_are_kept_with_the_error_of_the_mi
     fit.to_toml(tmp_path / "fit.toml")
     with pytest.warns(PneudriveWarning, match=words):
         read_fit(tmp_path / "fit.toml").apply()
-    with pytest.warns(PneudriveWarning, match="combined with values outside the fit: run `pneudrive validate`"):
+    with pytest.warns(PneudriveWarning, match="fitted values with other values of the drive: check it with"):
         read_fit(tmp_path / "fit.toml").apply(start.replace({"load.mass": "4 kg"}))
 
 

@@ -72,7 +72,7 @@ def test_a_level_that_is_not_determined_goes_no_further_than_the_limit_that_the_
     if level < 45.0:
         after = fit.apply(drive)
     else:
-        with pytest.warns(PneudriveWarning, match="set to its limit, 60 N"):
+        with pytest.warns(PneudriveWarning, match="gets the limit, 60 N"):
             after = fit.apply(drive)
     assert after.friction.parameters["coulomb"] == pytest.approx(level, abs=0.05)
     assert after.friction.parameters["breakaway"] == pytest.approx(max(45.0, level), abs=0.05)

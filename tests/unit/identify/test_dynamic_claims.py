@@ -103,7 +103,7 @@ def test_a_search_that_did_not_converge_says_so_instead_of_intervals(stopped, tm
         assert not fit.standard_errors
         assert "not converged" in str(fit)
         assert "95 %" not in str(fit)
-        with pytest.warns(PneudriveWarning, match="did not reach its end"):
+        with pytest.warns(PneudriveWarning, match="did not converge"):
             assert not fit.apply().provenance
 
 

@@ -180,7 +180,7 @@ def test_the_table_of_a_drive_gives_its_friction_back(part):
         ("harmonics", "modelica", "lost: variation along the stroke: the curve is for position = 0 mm"),
         ("table", "st", "lost: variation along the stroke: the curve is for position = 0 mm"),
         ("wear", "modelica", "lost: change with the distance slid: the curve is for 10 m slid"),
-        ("elements", "simscape", "lost: the single springs of the bristles"),
+        ("elements", "simscape", "lost: the individual springs of the bristles"),
     ],
 )
 def test_a_curve_says_which_part_is_lost_and_where_it_is_taken(part, tool, said):

@@ -151,11 +151,11 @@ def test_open_chambers_determine_nothing(circuit):
     ("change", "words"),
     [
         (lambda r: replace(r, parallel=()), "a force in parallel that the layout lacks"),
-        (lambda r: replace(r, force_n=-r.force_n), "the force has the other sign"),
+        (lambda r: replace(r, force_n=-r.force_n), "the force has the wrong sign"),
         (swap, "pressure_a and pressure_b are swapped"),
         (
             lambda r: replace(r, parallel=(r.parallel[0]._replace(force_n=-r.parallel[0].force_n),)),
-            "ram acts in the other direction",
+            "ram acts in the opposite direction",
         ),
     ],
 )

@@ -46,7 +46,7 @@ def test_the_way_of_a_user(folder, capsys):
     with_layout = "--layout layout.toml"
     assert not go(f"identify spring.toml run.csv {with_layout} --follow motion --out gas.toml --report page")
     said = capsys.readouterr().out
-    assert re.search(r"a leak past the piston .* not determined, changes the sum of squares", said)
+    assert re.search(r"a leak past the piston .* not determined; the sum of squares changes", said)
     assert (folder / "page/report.html").stat().st_size > 10_000
     kept = pn.load("gas.toml")
     assert {rival.name for rival in kept.rivals} >= {"held", "leak"}

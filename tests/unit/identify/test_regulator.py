@@ -39,6 +39,8 @@ def test_gain_and_both_lags_return():
     assert max(fit.statistics[key] for key in ("rms", "predicted")) < 0.02
     with pytest.raises(FitError, match=r"a fit of a regulator has no profile likelihood"):
         fit.profile()
+    alone = identify_regulator(Regulator.model_validate(START), [run(0)])  # one recording is enough
+    assert list(alone.values.values()) == pytest.approx([5e5, 1.2e5, 0.2, 0.3], rel=0.05)
 
 
 def test_a_command_that_does_not_change_is_refused():

@@ -70,7 +70,7 @@ def test_directions_share_the_offset_between_them(make_map, friction_of):
     assert fits[-1].parameters["coulomb"] - both.parameters["coulomb"] == pytest.approx(-2.0, abs=1e-3)
     compared = compare_results(fits[1], fits[-1])  # the zero of the force explains the whole difference
     assert "no difference in friction" in compared.sentence
-    assert "zero of the force" in compared.sentence
+    assert "zero error" in compared.sentence
     for fit in fits.values():
         assert fit.expanded_uncertainty("coulomb") == pytest.approx(4.0, rel=1e-3)
 
@@ -157,7 +157,7 @@ def test_runs_that_differ_are_not_decided_by_the_quietest(make_map):
     """Ten runs scatter by 2 N; their strokes by 0.01 to 0.3 N. The quietest must not stand for all."""
     rng = np.random.default_rng(17)
     inside, widths = 0, []
-    for _ in range(30):
+    for _ in range(12):
         runs = 8.0 + 2.0 * rng.standard_normal(10)
         stderr = np.geomspace(0.01, 0.3, 10)
         fit = fit_friction(make_map(np.full(10, 0.01), runs, stderr), law="coulomb")
@@ -166,14 +166,14 @@ def test_runs_that_differ_are_not_decided_by_the_quietest(make_map):
         assert 0.4 < fit.statistics["scatter_n"] < 5.0
         widths.append(high - low)
     assert np.median(widths) == pytest.approx(2 * 2.26 * 2.0 / np.sqrt(10), rel=0.2)
-    assert 26 <= inside <= 30
+    assert inside >= 10
 
 
 def test_no_scatter_where_the_standard_errors_explain_the_residuals(make_map, friction_of):
     found = []
-    for seed in range(15):
+    for seed in range(8):
         rng = np.random.default_rng([18, seed])
         sigma = 0.1 + SPEED
         fit = fit_friction(make_map(SPEED, friction_of(SPEED) + sigma * rng.standard_normal(20), sigma))
         found.append(fit.statistics["scatter_n"])
-    assert np.sum(np.array(found) > 0.0) <= 2
+    assert np.sum(np.array(found) > 0.0) <= 1

@@ -32,7 +32,7 @@ def record(rate: float, duration: float, seed: int, **model) -> dict[str, np.nda
 def test_a_discharge_gives_conductance_ratio_and_heat_within_their_intervals():
     truth = {"line.conductance": C, "line.critical_pressure_ratio": B, "volume.heat_transfer": HEAT}
     inside = 0
-    for seed in range(6):
+    for seed in range(3):
         fit = pn.identify_volume(pn.Tank.model_validate(TANK), record(20.0, 12.0, seed))
         assert fit.converged
         for name, value in truth.items():
@@ -41,7 +41,7 @@ def test_a_discharge_gives_conductance_ratio_and_heat_within_their_intervals():
             assert high - low < 0.1 * value
             assert fit.values[name] == pytest.approx(value, rel=0.03)
         assert fit.statistics["rms_share.pressure"] < 0.005
-    assert inside >= 14, "18 intervals of 95 %: 0.9 outside are expected, more than 4 in one of 300"
+    assert inside >= 7, "9 intervals of 95 %: more than 2 outside in one of 100"
     assert [u.parameter for u in fit.undetermined] == ["volume.leakage"]
     assert "leads to the ambient air, like the leak" in fit.statements()[0]
     assert fit.apply().line.conductance_m3_s_pa == pytest.approx(C, rel=0.01)
@@ -158,7 +158,7 @@ def test_what_is_no_recording_of_a_volume_is_refused(change, words):
 def test_mistakes_are_one_message(tmp_path):
     with pytest.raises(DescriptionError, match=r"line\.linear_above"):
         pn.Tank.model_validate({**TANK, "line": {**TANK["line"], "linear_above": 0.2}})
-    with pytest.raises(FitError, match="is not a number of this tank"):
+    with pytest.raises(FitError, match="cannot be a free number of this tank"):
         pn.identify_volume(
             pn.Tank.model_validate({"volume": {"value": "1 l"}}), record(20.0, 2.0, 0), ["line.conductance"]
         )

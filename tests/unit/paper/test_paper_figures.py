@@ -28,7 +28,8 @@ def flat(tmp_path_factory):
         rig, own = folder / f"{name}-rig.toml", folder / f"{name}.toml"
         rig.write_text(FLAT.format(base=base), encoding="utf-8")
         text = ready_protocols()[protocol].read_text(encoding="utf-8")
-        own.write_text(text.replace("repeats = 5", "repeats = 2"), encoding="utf-8")  # of the stops: what is not there
+        text = text.replace("repeats = 5", "repeats = 2")  # of the stops: what is not there
+        own.write_text(text.replace("count = 8", "count = 5"), encoding="utf-8")  # of the pressures
         made[name] = run_experiment(str(own), str(rig), str(folder / protocol), 3)
     return paper_figures(made)
 

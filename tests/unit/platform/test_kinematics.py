@@ -80,5 +80,5 @@ def test_a_run_starts_from_a_pose():
 
 def test_forward_names_the_leg_that_no_pose_reaches():
     own = pn.platform(pn.Circuit.load(TRIPOD))
-    with pytest.raises(pn.PneudriveError, match=r"leg_\d.position = .* mm here.\n.*In the nearest pose"):
+    with pytest.raises(pn.PneudriveError, match=r"leg_\d.position = .* mm.\n.*In the nearest pose"):
         own.forward([-0.3, 0.4, 0.1])

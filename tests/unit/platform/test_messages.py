@@ -46,7 +46,7 @@ CASES = {
     "start beyond a stroke": (
         EXAMPLE + 'tripod.heave = "600 mm"\n',
         "tripod.heave = ",
-        ["the pose of tripod needs leg_1.position = 252.1 mm", "0 mm <= position <= 200 mm", "nearer to half strokes"],
+        ["the pose of tripod needs leg_1.position = 252.1 mm", "0 mm <= position <= 200 mm", "nearer to mid stroke"],
     ),
     "pose and positions": (
         EXAMPLE + 'tripod.heave = "450 mm"\nleg_1.position = "90 mm"\n',
@@ -65,7 +65,7 @@ CASES = {
     "delta far away": (
         DELTA + 'tripod.x = "400 mm"\n',
         "tripod.x = ",
-        ["the arm of leg_1 does not reach the pose x = 400 mm", "the arm reaches from", "nearer to half strokes"],
+        ["the arm of leg_1 does not reach the pose x = 400 mm", "the arm reaches from", "nearer to mid stroke"],
     ),
     "singular start": (
         EXAMPLE.replace('length = "350 mm"', 'length = "50 mm"')

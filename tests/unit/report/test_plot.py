@@ -14,6 +14,7 @@ from pneudrive.characterise import characterise_recordings
 from pneudrive.errors import CommandError, PneudriveWarning
 from pneudrive.figures import Figure, Line, Markers, Panel
 from pneudrive.friction.pressure import fit_pressure_lines
+from pneudrive.friction.friction_map import COLUMNS, LEVEL_COLUMNS
 from pneudrive.friction.sentences import flag_table
 from pneudrive.report.recordings import pressure_panel
 from pneudrive.report.render import draw_figure
@@ -39,7 +40,7 @@ def test_the_mark_of_synthetic_data_is_free_of_the_legend():
 
 @pytest.mark.parametrize("suffix", STARTS)
 def test_the_suffix_says_the_kind(run, tmp_path, suffix):
-    pn.report.plot(run, tmp_path / f"run{suffix}")
+    pn.report.plot(run[["position"]], tmp_path / f"run{suffix}")
     assert (tmp_path / f"run{suffix}").read_bytes().startswith(STARTS[suffix])
     assert len(list(tmp_path.iterdir())) == 1
 
@@ -99,6 +100,13 @@ def test_the_guide_has_the_meanings_and_remedies_of_the_table():
     assert len(rows) >= 26
     for name, means, do in rows:
         assert FLAGS[name.strip(" `")] == {"means": means.strip(), "do": do.strip()}
+
+
+def test_the_reference_has_the_columns_of_the_map():
+    text = (GUIDE.parents[1] / "reference" / "friction-map.md").read_text(encoding="utf-8")
+    rows = [re.findall(r"[^|]+", line) for line in text.splitlines() if line.startswith("| `")]
+    shown = {name.strip(" `"): [unit.strip().removeprefix("text"), meaning.strip()] for name, unit, meaning in rows}
+    assert shown == COLUMNS | LEVEL_COLUMNS
 
 
 def test_terminal_and_notebook_explain_the_raised_flags(make):

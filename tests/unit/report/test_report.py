@@ -119,7 +119,8 @@ def test_the_offset_that_exceeds_friction_is_said(page, real):
 
 def test_what_is_real_and_what_cannot_be_determined_is_said(page):
     assert "Synthetic:" not in page
-    assert "The recordings are real" in page
+    assert "The recordings are taken as measured" in page
+    assert re.search(r"Budget of \S+ at [\d.]+ mm/s", page)
     assert "cannot be determined" in page
     assert "CC0" in page  # the note of the source beside the recordings
 

@@ -76,7 +76,7 @@ def extending(table, key, value):
         (extending("cylinder", "rod_diameter", "25 mm"), "is not smaller than the bore"),
         (extending("mounting.odd", "side_lode", "5 N"), "side_lode is not a known key"),
         (extending("friction", "coulomb", "9 mm"), "friction.coulomb"),
-        (extending("friction", "law", "gms"), "friction.law takes a name without a source"),
+        (extending("friction", "law", "gms"), "friction.law must be a name without a source"),
         (extending("encoder", "resolution", "1 um").replace(" }", ', sauce = "x" }'), "'sauce' is unknown"),
     ],
 )

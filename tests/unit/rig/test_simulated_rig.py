@@ -86,7 +86,7 @@ def test_every_value_of_the_default_rig_states_its_source():
         ('bore = { value = "25 mm", source = "assumed"', 'bore = { value = "25 mm"', "cylinder.bore has no source"),
         ("stroke =", "strok =", "(?s)cylinder.strok is not a known key.*Did you mean 'stroke'"),
         ("[encoder]", "[encoder]\ncolour = 1", "encoder.colour is not a known key"),
-        ('value = "5 mm", source', 'value = "150 mm", source', "leaves no stroke to move"),
+        ('value = "5 mm", source', 'value = "150 mm", source', "leaves no stroke for motion"),
         ('value = "time"', 'value = "tme"', "(?s)sampling.clock: 'tme' is not known.*Did you mean 'time'"),
         ("schema = 1", "schema = 2", "another schema"),
         ("schema = 1", "schema = ", "the file is not TOML"),
@@ -105,7 +105,7 @@ def test_rig_files_that_are_wrong(tmp_path, old, new, message):
 def test_commands_that_do_not_fit():
     with pytest.raises(CommandError, match=r"1500 mm/s is not reached within 290 mm"):
         RIG.measure(1.5)
-    with pytest.raises(CommandError, match=r"speed = -10 mm/s of a cycle is not positive"):
+    with pytest.raises(CommandError, match=r"the speed of a cycle, -10 mm/s, must be positive"):
         RIG.measure(-0.01)
     with pytest.raises(CommandError, match="cannot be held"):
         RIG.measure(0.1, -2e5)

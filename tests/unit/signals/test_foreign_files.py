@@ -222,7 +222,7 @@ def test_signs_of_thousands_and_quoted_decimals(table, style, sheet):
 def test_numbers_that_can_be_read_in_two_ways_are_refused(table, sheet):
     numbers = np.column_stack([np.arange(850) * 20 + 1000, 10000 + 1000 * (table[:, 1] - 10)])
     rows = [[f"{v:,.0f}" for v in row] for row in numbers]
-    with pytest.raises(RecordingError, match=r"numbers such as \d+,\d+ are ambiguous: decimals, or groups"):
+    with pytest.raises(RecordingError, match=r"numbers such as \d+,\d+ are ambiguous: the comma may separate"):
         propose_layout(sheet([["Time [ms]", "Position"]], rows, sign=";"))
 
 
@@ -379,7 +379,7 @@ def test_one_row_for_each_value_and_units_inside_the_cells_are_named(table, shee
         propose_layout(sheet([["Tag", "Timestamp", "Value", "Quality"]], rows))
     units = ("s", "mm", "N", "bar(g)", "bar(g)")
     rows = [[f"{text} {unit}" for text, unit in zip(row, units, strict=True)] for row in fields(table)]
-    with pytest.raises(RecordingError, match=r"units inside the cells(?s:.*)into the header"):
+    with pytest.raises(RecordingError, match=r"cells contain units(?s:.*)into the header"):
         propose_layout(sheet([NAMES], rows, "b.csv"))
 
 

@@ -71,7 +71,7 @@ def test_a_name_of_several_columns_and_a_column_of_two_quantities_are_refused(ro
         text = text.replace("# pressure = {", f"pressure_{side} = {{", 1)
     with pytest.raises(RecordingError, match=r"(?s)3 columns are named 'Signal'.*column = 2 or 3 or 4"):
         characterise(tmp_path / "a.csv", Layout.loads(text.replace("column = 3", 'column = "Signal"')))
-    with pytest.raises(LayoutError, match=r"columns\.\w+ and columns\.\w+ read one column: 2"):
+    with pytest.raises(LayoutError, match=r"columns\.\w+ and columns\.\w+ read the same column: 2"):
         Layout.loads(text.replace("column = 3", "column = 2"))
 
 
@@ -96,7 +96,7 @@ def test_what_no_rig_does_is_refused_with_what_to_look_at(make, change, words):
     [
         (lambda r: {"pressure_b_pa": r.pressure_b_pa - 3.3e5}, "below_ambient", "gauge pressures"),
         (lambda r: {"pressure_b_pa": r.pressure_b_pa * 10}, "beyond_usual", "units of pressure"),
-        (lambda r: {"time_s": r.time_s / 2000}, "beyond_usual", "20 m/s"),
+        (lambda r: {"time_s": r.time_s / 2000}, "beyond_usual", "a speed of 20000 mm/s is unusual"),
         (lambda r: {"force_n": -r.force_n}, "force_not_pressure", "sign and unit of the force"),
         (lambda r: {"force_n": r.force_n - 147}, "force_not_pressure", "zeroed under pressure"),
         (lambda r: {"pressure_a_pa": r.pressure_b_pa, "pressure_b_pa": r.pressure_a_pa}, "force_not_pressure", "cham"),

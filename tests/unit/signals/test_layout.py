@@ -82,7 +82,7 @@ def test_decimal_comma_header_units_row_and_lines_above(tmp_path):
     layout = PLAIN.replace('"whitespace"', '";"\nheader = true\ndecimal = ","\nskip_lines = 1')
     layout = layout.replace("column = 0", 'column = "t"').replace("column = 1", 'column = "weg"')
     rows = "Bench 3\nt;weg;p;F\nms;m;bar;N\n" + ROWS.replace(".", ",").replace(" ", ";")
-    with pytest.warns(PneudriveWarning, match='"weg" of position is in m in the file, but in mm by the layout'):
+    with pytest.warns(PneudriveWarning, match='"weg" of position is in m in the file, but in mm in the layout'):
         recording = read(tmp_path, layout, rows)
     assert recording.position_m[0] == pytest.approx(1e-3)
     assert recording.flags == {}
@@ -127,14 +127,15 @@ MISTAKES = [
     ('positive = "+x"', 'positive = "up"', 9, '\'"\\+x" or "-x"\'|\\+x'),
     ('positive = "+x"', "scale = 0", 9, "scale = 0 makes all"),
     ("column = 3, ", "", 9, "columns.force.column is missing"),
-    ('kind = "rodless"', 'kind = "single-rod"\nrod_diameter = "30 mm"', 13, "Were bore and rod swapped"),
+    ('kind = "rodless"', 'kind = "single-rod"\nrod_diameter = "30 mm"', 13, "Check whether bore and rod are swapped"),
     ('kind = "rodless"', 'kind = "single-rod"', 11, "rod_diameter is missing"),
     ('kind = "rodless"', 'area_a = "5 cm2"', 11, "must give the piston areas exactly once"),
     ("open_to_ambient = true", "", 15, "does not state the pressure in chamber a"),
     ("open_to_ambient = true", 'open_to_ambient = true\npressure = "3 bar abs"', 15, "more than once"),
     ('pattern = "{seal}_{pressure}bar"', 'pattern = "{seal}_{seal}"', 19, "not a valid pattern"),
     ("[labels]", '[window]\nposition = "30 mm .. 5 mm"\n[labels]', 19, "empty"),
-    ("[labels]", '[rig]\nambient_pressure = "1 bar gauge"\n[labels]', 19, "is gauge, but defines the ambient pressure"),
+    ("[labels]", '[rig]\nambient_pressure = "1 bar gauge"\n[labels]', 19, "must be absolute"),
+    ("[labels]", '[rig]\nambient_pressure = "1 bar"\n[labels]', 19, '(?s)not state abs or gauge\\..*: Write "1 bar abs"\\.$'),
     ("[labels]", '[[for]]\ngeometry.bore = "1 mm"\n[labels]', 18, "does not say which files"),
     ("[labels]", '[[for]]\nmatch = "a*"\n[[for]]\nmatch = "b*"\ngeometry.bore = "1"\n[labels]', 22, "no unit"),
     ("[columns]", "[columns", 5, "not TOML"),

@@ -137,7 +137,7 @@ def test_records_that_cannot_be_used_say_why(tmp_path):
     for unusable, message in (
         ({k: good[k] for k in good if k not in ("command", "pressure_b_pa")}, "lacks command, pressure_b_pa"),
         ({**good, "command": 5.0 * np.ones_like(good["time_s"])}, "command = 5"),
-        ({**good, "time_s": good["time_s"][::-1]}, "time_s does not rise"),
+        ({**good, "time_s": good["time_s"][::-1]}, "time_s does not increase"),
         (tmp_path / "run.csv", "not a recording of a drive"),
     ):
         with pytest.raises(RecordingError, match=message):
@@ -181,7 +181,7 @@ def test_zeros_that_a_fit_found_are_taken_off(tmp_path, printed):
     assert any(re.search(r"pressure_a offset 0\.0(20|199|201)", note) for note in with_zeros.notes)
     assert not validate(fit.apply(), shown(0)).diagnosis().is_clean
     assert validate(truth, shown(0), sensors={"pressure_a": {"offset": "0.02 bar"}}).diagnosis().is_clean
-    with pytest.raises(FitError, match="fits no numbers"):
+    with pytest.raises(FitError, match="fits no sensor values"):
         validate(truth, shown(0), sensors=zeros)
     fit.to_toml(tmp_path / "fit.toml")
     pl.DataFrame(shown(0).columns).write_parquet(tmp_path / "run 0.parquet")
@@ -201,7 +201,7 @@ def test_a_command_that_acts_late_is_taken_off():
 def test_what_a_drive_file_cannot_say_is_said():
     leak = Case("x", frozenset(), {}, lambda c: {**c, "command": np.clip(c["command"] + 0.02, -1.0, 1.0)})
     (text,) = (c.text for c in leak.diagnosed(3, 2e-6, 300.0).culprits[:1])
-    assert "A drive file cannot describe it yet" in text
+    assert "A drive file cannot describe this cause yet" in text
 
 
 def test_progress_is_told_and_the_call_can_be_cancelled():

@@ -39,7 +39,7 @@ def limits_of(fit: FrictionFit, identity: Identity, envelope: Envelope) -> Limit
 
 
 def _gauges(fit: FrictionFit, identity: Identity, envelope: Envelope) -> tuple[tuple[float, float], ...]:
-    """Return the pairs of pressures whose force is at most half of the rig's force range."""
+    """Return the pairs of gauge pressures whose force is at most half of the rig's force range."""
     top = min(HIGHEST_PA, 1e4 * ((envelope.pressure_pa[1] - identity.ambient_pressure_pa) // 1e4))
     if not fit.model.chambers or top <= 0.0:
         return ((0.0, 0.0),)

@@ -49,7 +49,7 @@ def _sweep_levels(protocol: Protocol) -> list[tuple[str, float]]:
 
 
 def _stop_levels(protocol: Protocol) -> tuple[Sequence[Any], ...]:
-    """Return the stop levels at one pressure: position (varies slowest), release, speed, direction, duration."""
+    """Return the levels of stops at one pressure: position (varies slowest), release, speed, direction, duration."""
     stop = protocol.stop
     if stop is None:
         return ((),)
@@ -70,7 +70,7 @@ def _move_s(distance_m: float, speed_m_s: float, limits: Limits) -> float:
 
 
 def axis_use(cycle: Cycle, limits: Limits) -> tuple[float, int]:
-    """Return the duration of the moves and holds of a cycle, s, and the number of samples."""
+    """Return the duration of the moves and holds of a cycle in s, and the number of samples."""
     at, time_s, samples = cycle.start_m, 0.0, int(bool(cycle.steps))
     assert at is not None
     for step in cycle.steps:
@@ -99,7 +99,7 @@ def ordered_blocks(protocol: Protocol) -> list[dict[str, str]]:
 
 
 def ordered_points(protocol: Protocol, block: int, families: Sequence[list[list[Planned]]]) -> list[Planned]:
-    """Return the design points of a block in running order, each as often as it is repeated.
+    """Return the design points of a block in running order, with all repeats.
 
     Parameters
     ----------
@@ -129,7 +129,7 @@ def shuffle(items: Sequence[T], name: Callable[[T], str], seed: str) -> list[T]:
 
 
 def alternate(items: Sequence[T]) -> list[T]:
-    """Take items alternately from both halves, so that neighbouring levels are apart in time.
+    """Take items alternately from both halves, so that neighbouring levels are far apart in time.
 
     Examples
     --------
@@ -297,7 +297,7 @@ def _entry(
     wait_s: float = 0.0,
     **about: Any,  # noqa: ANN401 - the optional fields of Cycle
 ) -> Planned:
-    """Return a cycle without its place in the plan: its key is only the part that does not depend on the block."""
+    """Return a cycle without its place in the plan. Its key does not contain the block."""
     pressures = pair.absolute_pa(plan.identity.ambient_pressure_pa)
     cycle = Cycle(name, kind, steps, sampling or plan.protocol.sampling, *pressures, start_m=plan.ends_m[0], **about)
     return Planned(cycle, wait_s, *axis_use(cycle, plan.limits))

@@ -33,15 +33,15 @@ BYTES_PER_CYCLE = 5000.0
 
 @dataclass(frozen=True)
 class Planned:
-    """A cycle of a plan.
+    """A cycle of a plan, with its expected times and number of samples.
 
     Attributes
     ----------
     cycle : Cycle
     wait_s : float
-        Assumed time before the cycle, s, from the protocol: pressure settling, or work of the operator.
+        Assumed time before the cycle in s, from the protocol: pressure settling, or work of the operator.
     axis_s : float
-        Time of the moves and holds, s. Exact if the axis reaches its limits.
+        Time of the moves and holds, in s. It is exact if the axis moves at its limits.
     samples : int
     """
 
@@ -52,7 +52,7 @@ class Planned:
 
     @property
     def time_s(self) -> float:
-        """Total time, s."""
+        """Waiting and axis time, in s."""
         return self.axis_s + self.wait_s
 
 
@@ -82,7 +82,7 @@ class Plan(Shown):
 
     @cached_property
     def ends_m(self) -> Interval:
-        """Ends of the part of the stroke that the campaign uses."""
+        """Ends of the part of the stroke that the campaign uses, in m."""
         (low, high), used = self.envelope.position_m, self.protocol.position
         if used.range is None:
             return low + used.margin_m, high - used.margin_m
@@ -90,16 +90,16 @@ class Plan(Shown):
 
     @property
     def length_m(self) -> float:
-        """Length of a stroke, m."""
+        """Length of a stroke of the campaign, in m."""
         return self.ends_m[1] - self.ends_m[0]
 
     @cached_property
     def limits(self) -> Limits:
-        """Limits of the axis."""
+        """Limits of acceleration and jerk of the axis."""
         return Limits(self.envelope.acceleration_m_s2, self.envelope.jerk_m_s3)
 
     def cruise_s(self, speed_m_s: float) -> float:
-        """Return the time at constant speed in a stroke, s; 0 if the stroke is too short for its ramps."""
+        """Return the time at constant speed in a stroke, in s; 0 if the stroke is too short for its ramps."""
         return max(self.length_m / speed_m_s - self.limits.ramp_time_s(speed_m_s), 0.0)
 
     @cached_property
@@ -117,16 +117,16 @@ class Plan(Shown):
 
     @property
     def time_s(self) -> float:
-        """Total time, s, without homing and changes of pressure."""
+        """Total time in s, without homing and without setting the pressures."""
         return sum(planned.time_s for planned in self.planned)
 
     def remaining_s(self, done: set[str]) -> float:
-        """Return the time of the cycles whose keys are not in `done`, s."""
+        """Return the time in s of the cycles whose keys are not in `done`."""
         return sum(planned.time_s for planned in self.planned if planned.cycle.key not in done)
 
 
 def size_of(plan: Iterable[Planned]) -> float:
-    """Return the size on disk, bytes, estimated by `BYTES_PER_SAMPLE`. An operator's step also writes a file."""
+    """Estimate the size on disk in bytes, by `BYTES_PER_SAMPLE`. An operator's step also writes a file."""
     return sum(BYTES_PER_SAMPLE * planned.samples + BYTES_PER_CYCLE for planned in plan)
 
 
@@ -156,8 +156,8 @@ def check(plan: Plan) -> tuple[str, ...]:
     if asked is not None and not max(asked[0], low) < min(asked[1], high):
         raise plan.protocol.fail(
             "conditions.temperature",
-            f"the protocol measures at {_celsius(asked)}",
-            rule=f"the rig measures at {_celsius((low, high))}",
+            f"the protocol requires a temperature of {_celsius(asked)}",
+            rule=f"the rig measures only at {_celsius((low, high))}",
             remedy="Change [conditions] temperature.",
         )
     broken = [(cycles, found) for cycles in _alike(plan) if (found := list(violations(cycles[0], plan)))]
@@ -195,18 +195,18 @@ def _alike(plan: Plan) -> list[list[Cycle]]:
 
 
 def peak_acceleration_m_s2(plan: Plan, distance_m: float, speed_m_s: float) -> float:
-    """Return the largest acceleration of a move within the limits of acceleration and jerk, m/s2."""
+    """Return the largest acceleration of a move within the limits of acceleration and jerk, in m/s2."""
     limits = plan.limits
     return min(limits.acceleration_m_s2, math.sqrt(min(speed_m_s, limits.top_speed_m_s(distance_m)) * limits.jerk_m_s3))
 
 
 def acceleration_of(cycle: Cycle, plan: Plan) -> float:
-    """Return the largest acceleration in a cycle, m/s2."""
+    """Return the largest acceleration in a cycle, in m/s2."""
     return max((peak_acceleration_m_s2(plan, d, step.speed_m_s) for d, step, _ in _moves(cycle)), default=0.0)
 
 
 def forces_n(cycle: Cycle, plan: Plan) -> NamedNumbers:
-    """Return the contributions to the largest sensor force in a cycle; none is negative."""
+    """Return the magnitudes of the contributions to the largest sensor force in a cycle, in N."""
     hung = max((step.weight_n for step in cycle.steps if isinstance(step, Hold)), default=0.0)
     if hung:  # on the sensor, the drive uncoupled
         return {"known weight": hung}
@@ -219,13 +219,13 @@ def forces_n(cycle: Cycle, plan: Plan) -> NamedNumbers:
 
 
 def pressure_force_n(cycle: Cycle, rig: Identity) -> float:
-    """Return the pressure force in +x, N."""
+    """Return the pressure force in +x, in N."""
     ambient = rig.ambient_pressure_pa
     return (cycle.pressure_a_pa - ambient) * rig.area_a_m2 - (cycle.pressure_b_pa - ambient) * rig.area_b_m2
 
 
 def weight_n(rig: Identity) -> float:
-    """Return the component of the moving parts' weight along -x, N."""
+    """Return the component of the moving parts' weight along -x, in N."""
     return rig.mass_beyond_sensor_kg * STANDARD_GRAVITY_M_S2 * math.sin(rig.incline_rad)
 
 
@@ -258,7 +258,7 @@ def check_levels(protocol: Protocol, rig: Rig) -> None:
 
 
 def violations(cycle: Cycle, plan: Plan) -> Iterator[Finding]:
-    """Return the violations by one cycle."""
+    """Return the limits that one cycle violates."""
     return chain(_motion(cycle, plan), _pressures(cycle, plan), _force(cycle, plan))
 
 
@@ -290,7 +290,7 @@ def _pressures(cycle: Cycle, plan: Plan) -> Iterator[Finding]:
     a, b = cycle.pressures_pa
     for chamber, value in (("a", a), ("b", b)):
         if not low * (1.0 - ROUNDING) <= value <= high * (1.0 + ROUNDING):
-            limit = f"{_bar(low)} to {_bar(high)}" if low < high else f"the chambers are open to ambient, {_bar(low)}"
+            limit = f"allowed: {_bar(low)} to {_bar(high)}" if low < high else f"chambers open to ambient, {_bar(low)}"
             yield "pressure", {"value": value / 1e5, "chamber": chamber, "limit": limit}
     if not plan.allowed.separate_pressures and abs(a - b) > SAME_PRESSURE_PA:
         yield "manifold", {"a": a / 1e5, "b": b / 1e5}
@@ -319,7 +319,7 @@ def _force(cycle: Cycle, plan: Plan) -> Iterator[Finding]:
 
 
 def _moves(cycle: Cycle) -> Iterator[tuple[float, Move, bool]]:
-    """Yield every move with its length, m, and whether a hold follows."""
+    """Yield every move, its length in m, and whether a hold follows."""
     at = cycle.start_m if cycle.start_m is not None else math.nan
     for step, after in zip_longest(cycle.steps, cycle.steps[1:]):
         if isinstance(step, Move):

@@ -32,7 +32,7 @@ AMBIENT = units.Pressure(0.0, gauge=True)
 
 
 class Pair(NamedTuple):
-    """Pressures in both chambers, as stated."""
+    """Pressures in both chambers, absolute or gauge as stated."""
 
     a: units.Pressure
     b: units.Pressure
@@ -44,7 +44,7 @@ class Pair(NamedTuple):
         return f"a{a}/b{b}"
 
     def absolute_pa(self, ambient_pa: float) -> tuple[float, float]:
-        """Return both pressures as absolute pressures, Pa."""
+        """Return both pressures as absolute pressures, in Pa."""
         return self.a.absolute_pa(ambient_pa), self.b.absolute_pa(ambient_pa)
 
 
@@ -70,7 +70,7 @@ class AxisPosition:
     relative: bool
 
     def at(self, low_m: float, high_m: float) -> float:
-        """Return the position within a range, m."""
+        """Return the position in m, for this range."""
         return low_m + self.value * (high_m - low_m) if self.relative else self.value
 
     def __str__(self) -> str:
@@ -84,7 +84,7 @@ class AxisPosition:
 
 
 def _position(given: object) -> AxisPosition:
-    """Read a length or a fraction, ``"120 mm"``, ``"50 %"``."""
+    """Read a position: a length (``"120 mm"``) or a fraction (``"50 %"``)."""
     fraction = units.share_of(given)
     if fraction is not None:
         if not 0.0 <= fraction <= 1.0:
@@ -155,7 +155,7 @@ class ListOf(Mark):
     only_list: bool = False
 
     def read(self, given: object) -> tuple[Any, ...]:
-        """Convert and check."""
+        """Convert and check the values."""
         if self.spacing and isinstance(given, dict):
             return self._range(given)
         if self.only_list and (not isinstance(given, list) or not given):
@@ -192,7 +192,7 @@ class ListOf(Mark):
         return tuple(units.Pressure(value, low.gauge) for value in values)
 
     def show(self, value: tuple[Any, ...]) -> list[Any]:
-        """Return all levels in the form that users write."""
+        """Return all levels in the form in which users write them."""
         return [self.mark.show(level) for level in value]
 
     def named(self, value: tuple[Any, ...]) -> tuple[Any, ...]:
@@ -283,7 +283,7 @@ class Speeds(ProtocolTable):
     settled_time_s: DurationOrZero = 1.0
     """minimum total time at constant speed in each direction, reached by repeated strokes; 0 s: one stroke each"""
     most_strokes: Count = 20
-    """highest number of these strokes"""
+    """largest number of these strokes"""
     return_speed_m_s: Speed = 0.1
     """speed of the return stroke if only one direction is measured"""
 
@@ -337,7 +337,7 @@ class Pressures(ProtocolTable):
     def _in_one_form(self) -> Pressures:
         grid = self.a is not None or self.b is not None
         if (self.both is not None) + grid + (self.pairs is not None) > 1:
-            raise wrong("pressure", "pressure.both, a with b, and pairs exclude each other")
+            raise wrong("pressure", "give only one: pressure.both, pressure.a with pressure.b, or pressure.pairs")
         if grid and (self.a is None or self.b is None):
             name = "a" if self.a is None else "b"
             raise wrong("pressure", f"pressure.{name} is missing", remedy=f'Add {name} = "0 bar gauge" for ambient.')
@@ -345,7 +345,7 @@ class Pressures(ProtocolTable):
 
     @property
     def levels(self) -> tuple[Pair, ...]:
-        """All pairs (a, b) in the given order; the pressure of chamber b changes first."""
+        """All pairs (a, b) in the given order. The pressure of chamber b changes fastest."""
         if self.pairs is not None:
             return self.pairs
         if self.both is not None:
@@ -392,7 +392,7 @@ class Stops(ProtocolTable):
 
     @property
     def released(self) -> tuple[bool, ...]:
-        """Levels of the release of the force: False, True or both."""
+        """Levels of the factor: False (held), True (released) or both."""
         return {"held": (False,), "released": (True,), "both": (False, True)}[self.axis]
 
 
@@ -412,7 +412,7 @@ class HardFactor(ProtocolTable):
         for index, level in enumerate(self.levels):
             if not level.strip() or level in self.levels[:index]:
                 key = f"{self.table_name}.levels"
-                raise wrong(key, f"{key}: {level!r} is empty or occurs twice", rule="levels differ")
+                raise wrong(key, f"{key}: {level!r} is empty or occurs twice", rule="levels must differ")
         return self
 
 
@@ -423,13 +423,13 @@ class Mounting(HardFactor):
 
 
 class Seal(HardFactor):
-    """Seals in the drive; the run-in follows a change."""
+    """Seals in the drive; a run-in follows each change."""
 
     table_name = "seal"
 
 
 class DriveUnderTest(HardFactor):
-    """Drive on the rig; the run-in follows a change."""
+    """Drive on the rig; a run-in follows each change."""
 
     table_name = "drive"
 
@@ -464,7 +464,7 @@ class SamplingTable(ProtocolTable):
 
     table_name = "sampling"
     samples_per_stroke: Annotated[int, Whole(at_least=2, bound="samples")] = 5000
-    """number of samples, evenly spaced in time over each stroke; the paper has about 5000 a cycle [bracha]"""
+    """number of samples, evenly spaced in time over each stroke; the paper has about 5000 per cycle [bracha]"""
     burst_rate_hz: Rate = 5000.0
     """lowest sampling rate around each reversal and restart; 0 Hz: no bursts"""
     burst_before_s: DurationOrZero = 0.05
@@ -476,7 +476,7 @@ class SamplingTable(ProtocolTable):
 
 
 class KnownWeight(ProtocolTable):
-    """A weight that the operator hangs on the force sensor, with the drive removed, to check the gain of the sensor."""
+    """A weight that the operator hangs on the force sensor, with the drive uncoupled, to check the sensor's gain."""
 
     table_name = "before_block.known_weight"
     mass_kg: Annotated[float, Quantity("kg", "kg", POSITIVE)]
@@ -527,7 +527,7 @@ class Conditions(ProtocolTable):
 
     table_name = "conditions"
     supply_pressure: marks.MaybePressure = None
-    """least supply pressure"""
+    """lowest supply pressure"""
     temperature_k: Annotated[tuple[float, float] | None, marks.Between("K", "degC")] = Field(
         default=None, description='range, "15 degC .. 30 degC"'
     )
@@ -544,7 +544,7 @@ class Tightened(ProtocolTable):
     acceleration_m_s2: Annotated[float | None, Quantity("m/s^2", "m/s2", POSITIVE)] = None
     """highest acceleration that a move may reach"""
     force_n: Annotated[float | None, Quantity("N", "N", POSITIVE)] = None
-    """highest force, either sign"""
+    """largest force in either direction"""
     pressure: marks.MaybePressure = None
     """highest pressure in either chamber"""
     time_s: Duration = 28800.0
@@ -567,7 +567,7 @@ FOLDER = Path(__file__).with_name("protocols")
 
 
 class Protocol(ProtocolTable):
-    """A campaign as its file describes it. Frozen; all values SI, pressures as stated (absolute or gauge).
+    """A campaign as its file describes it; immutable. Values are in SI units, pressures abs or gauge as stated.
 
     Examples
     --------
@@ -636,13 +636,13 @@ class Protocol(ProtocolTable):
 
     @property
     def hard(self) -> dict[str, HardFactor]:
-        """Factors that are changed by hand, the hardest to change outermost."""
+        """Factors that are changed by hand; the first one is the hardest to change."""
         factors = {"drive": self.drive, "seal": self.seal, "mounting": self.mounting}
         return {name: factor for name, factor in factors.items() if factor is not None}
 
     @cached_property
     def sampling(self) -> Sampling:
-        """Sampling in the form of a rig."""
+        """Sampling in the form that a rig takes."""
         return Sampling(**self.samples.stored())
 
     @property
@@ -652,7 +652,7 @@ class Protocol(ProtocolTable):
 
     @property
     def text(self) -> str:
-        """Text of the file, unchanged, or generated without a file."""
+        """Text of the file, unchanged. It is generated for a protocol without a file."""
         return self._text or toml.write({"schema": self.schema_version} | self.to_dict())
 
     def fail(
@@ -663,7 +663,7 @@ class Protocol(ProtocolTable):
         rule: str | None = None,
         remedy: str | None = None,
     ) -> ProtocolError:
-        """Return an error with the line of a key."""
+        """Return an error that names the line of a key."""
         return toml.located(wrong(key, what, rule=rule, remedy=remedy), self._origin, self._text).turned(ProtocolError)
 
 
@@ -702,7 +702,7 @@ def parse_protocol(text: str, origin: str = "protocol") -> Protocol:
 
 
 def ready_protocols() -> dict[str, Path]:
-    """Return the ready protocols by name."""
+    """Return name -> file of each ready protocol."""
     return {path.stem: path for path in sorted(FOLDER.glob("*.toml"))}
 
 

@@ -38,7 +38,7 @@ STOP_S = 30.0
 
 
 def _stopped(rig: Rig) -> str:
-    """Stop a rig within `STOP_S`; return the error, if any."""
+    """Stop a rig within `STOP_S`. Return the error in words, or an empty text."""
     thread = JobThread("pneudrive-stop")
     answer = thread.start(rig.stop)
     thread.close()
@@ -129,7 +129,7 @@ class Attempts:
     def run(self, rig: Rig, cycle: Cycle, settling_s: float, number: int) -> tuple[Head, Samples]:
         """Bring the rig to the start of a cycle, run its steps and return header and samples.
 
-        For an operator's step, inform the rig of the changed levels. Index and flags of the header are filled in later.
+        For an operator's step, inform the rig of the changed level. Index and flags of the header are filled in later.
         `number` counts the attempts at the cycle.
 
         Raises
@@ -199,7 +199,7 @@ def as_plain(memory: Plain) -> Plain:
         return as_json(memory)
     except (TypeError, ValueError) as error:
         raise RigError(
-            "the rig's memory cannot be stored", value=str(error), rule="plain data that JSON can hold"
+            "the rig's memory cannot be stored", value=str(error), rule="it must be plain data that JSON can hold"
         ) from None
 
 
@@ -245,7 +245,7 @@ class MeasuringBounds:
 
     @classmethod
     def of(cls, plan: Plan) -> MeasuringBounds:
-        """Return the bounds, each from protocol or rig, whichever is tighter."""
+        """Return the tighter of the bounds of protocol and rig for each condition."""
         asked, (low, high), supply = plan.protocol.conditions, plan.envelope.temperature_k, 0.0
         if asked.supply_pressure is not None:
             supply = asked.supply_pressure.absolute_pa(plan.identity.ambient_pressure_pa)
@@ -270,7 +270,7 @@ class MeasuringBounds:
         return ""
 
     def during(self, samples: Samples, rig: Rig) -> str:
-        """Return the condition that a running cycle violates, by state and latest samples; their NaN is not checked."""
+        """Return the condition that the state or the latest samples of a running cycle violate. NaN is not checked."""
         state = rig.state()
         if state.fault or (self.supply_pressure_pa > 0.0 and state.supply_pressure_pa < self.supply_pressure_pa):
             return self.broken_by(state)
@@ -278,7 +278,7 @@ class MeasuringBounds:
             force = np.abs(samples.force_n)
             high = force >= self.force_n
             if np.convolve(high, np.ones(IN_A_ROW), "valid").max(initial=0.0) >= IN_A_ROW:
-                return f"the force reached {float(force[high].max()):.4g} N, near the limit of {self.force_n:.4g} N"
+                return f"the force reached {float(force[high].max()):.4g} N; the limit is {self.force_n:.4g} N"
             temperature = samples.temperature_k
             outside = (temperature < self.temperature_k[0]) | (temperature > self.temperature_k[1])
             if outside.any():
@@ -287,7 +287,7 @@ class MeasuringBounds:
         return ""
 
     def look(self, rig: Rig) -> str:
-        """Query the state of the rig. Return the reason why measuring cannot continue, empty if it can."""
+        """Query the state of the rig. Return the reason why measuring cannot continue; empty if it can."""
         try:
             return self.broken_by(rig.state())
         except Exception as error:  # a laboratory's code may raise anything if the connection is lost
@@ -311,7 +311,7 @@ MISSED_SHARE, MISSED_M = 0.05, 1e-3  # share of the length of a move, and additi
 
 
 def arrival_flags(samples: Samples, cycle: Cycle, identity: Identity) -> dict[str, int]:
-    """Count the faults in samples.
+    """Count the faults in the samples of a cycle.
 
     Parameters
     ----------
@@ -415,7 +415,7 @@ def _sensors(samples: Samples, cycle: Cycle, identity: Identity) -> tuple[int, i
 
 
 def _steps(samples: Samples, cycle: Cycle) -> dict[str, int]:
-    """Compare the samples with the requested steps."""
+    """Count the steps without samples, the missing samples of moves with too few, and the missed targets."""
     counts = {"steps_missing": 0, "too_few_samples": 0, "target_missed": 0}
     asked, at = cycle.sampling.samples_per_stroke, cycle.start_m
     for number, one in enumerate(cycle.steps):

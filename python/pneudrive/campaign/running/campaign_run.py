@@ -96,7 +96,7 @@ class Documents:
         return document["uid"]
 
     def event(self, data: Plain) -> None:
-        """Publish an event for a finished cycle, and before the first event the descriptor of its keys."""
+        """Publish an event for a finished cycle. Before the first event, publish the descriptor of its keys."""
         if not self._descriptor:
             about = {"source": self._source, "shape": [], "object_name": DEVICE}
             keys = {name: about | {"dtype": "string" if isinstance(v, str) else "number"} for name, v in data.items()}
@@ -168,7 +168,7 @@ class Options:
 
 
 class CampaignRun:
-    """A running campaign.
+    """A running campaign: runs the cycles, serves requests and stores results.
 
     The thread that calls `run` decides and writes. The rig's methods run on another thread. While the first thread
     waits for the rig, it serves requests to pause, stop and end. Requests do not interrupt the writing of a cycle.
@@ -427,7 +427,7 @@ class CampaignRun:
         return self._write(*self._measured(cycle, planned.samples * SAMPLE_BYTES + CYCLE_BYTES), confirmed)
 
     def _measured(self, cycle: Cycle, needed: int) -> tuple[Head, Samples]:
-        """Run a cycle until it is complete; wait while conditions are not met. The disk must have the needed bytes."""
+        """Run a cycle until it is complete. Wait while conditions are not met. The disk needs `needed` free bytes."""
         settling_s, number, failures = self.plan.protocol.pressure.settling_s, 0, 0
         while True:
             self._await_conditions(cycle)
@@ -447,7 +447,7 @@ class CampaignRun:
             self._show("cycle", cycle)  # another attempt
 
     def _give_up(self, cycle: Cycle, error: BaseException, failures: int) -> None:
-        """Handle an attempt that failed; `failures` counts those of the cycle.
+        """Handle a failed attempt. `failures` counts the failed attempts at the cycle.
 
         Raises
         ------
@@ -466,7 +466,7 @@ class CampaignRun:
             raise CampaignError.of("campaign.given-up", value=reason, **counts) from of_rig
 
     def _trouble(self) -> str:
-        """Return the reason why measuring cannot continue. Empty if it can."""
+        """Return the reason why measuring cannot continue; empty if it can."""
         return self._on_rig(self._bounds.look, moves=False).result()
 
     def _rest(self) -> None:
@@ -475,7 +475,7 @@ class CampaignRun:
             self._tell(f"the rig may not be at rest: {trouble}")
 
     def _await_conditions(self, cycle: Cycle) -> None:
-        """Wait, up to a limit, until conditions, rig and connection allow measuring."""
+        """Wait for a limited time until conditions, rig and connection allow measuring."""
         options = self.options
         waited = good_for = 0.0
         last_wrong = ""

@@ -205,7 +205,7 @@ class LiveFiles(Display):
         self._thread.start()
 
     def cycle(self, cycle: Cycle) -> None:
-        """Write that a cycle begins."""
+        """Begin the data of a new cycle."""
         super().cycle(cycle)
         self._points = self._points[:0]
 
@@ -217,7 +217,7 @@ class LiveFiles(Display):
         super().part(samples)
 
     def ended(self) -> None:
-        """End, and remove the files."""
+        """End the writing, and remove the files."""
         self._end.set()
         if self._thread.is_alive():
             self._thread.join()
@@ -241,7 +241,7 @@ class LiveFiles(Display):
 
 
 def thinned(points: Points, most: int) -> Points:
-    """Return at most `most` rows in order: from each of equal intervals, those with the lowest and highest force.
+    """Return at most `most` rows in order. Each interval of equal length keeps its rows of lowest and highest force.
 
     Parameters
     ----------
@@ -265,8 +265,8 @@ def read_live(folder: Path) -> tuple[Plain, Columns] | None:
     Returns
     -------
     dict, dict of ndarray
-        Key of the ``cycle``, remaining wall-clock time ``left`` in words, and number of ``samples`` so far. Then the
-        values by `COLUMNS`, shape (n,) each.
+        Key of the ``cycle``, remaining wall-clock time ``left`` in words, and number of ``samples`` so far. Then an
+        array of shape (n,) for each of `COLUMNS`.
     """
     try:
         about = read_json(folder / FOLDER / LIVE, CampaignError)

@@ -112,7 +112,7 @@ def no_links(folder: Path) -> None:
     Raises
     ------
     CampaignError
-        If the folder, or a folder in it, contains one.
+        If the folder or one of its subfolders contains a link, a pipe or a device.
     """
     own = _entries(folder)
     deeper = (inner for one in own if one.is_dir(follow_symlinks=False) for inner in _entries(one))
@@ -147,7 +147,7 @@ NAME = "campaign.lock"
 
 
 def now() -> str:
-    """Return the date and time of the computer, ISO 8601 with zone."""
+    """Return date and time of the computer in ISO 8601 with time zone."""
     return datetime.now().astimezone().isoformat(timespec="seconds")
 
 
@@ -183,7 +183,7 @@ class Holder:
 
 
 class FolderLock:
-    """The lock of a campaign folder: a kernel lock (`flock`), released when the process ends.
+    """Kernel lock (`flock`) of a campaign folder. It is released when the process ends.
 
     Parameters
     ----------
@@ -224,7 +224,7 @@ class FolderLock:
             os.ftruncate(self._file, len(text))
 
     def release(self) -> None:
-        """Release the folder."""
+        """Release the lock."""
         if self._file is not None:
             with suppress(OSError):
                 os.ftruncate(self._file, 0)
@@ -294,7 +294,7 @@ class Request:
     word : str
         One of `REQUESTS`.
     by : str
-        Person who made the request, in words.
+        Source of the request in words: a person, a key or a signal.
     """
 
     word: str
@@ -333,12 +333,12 @@ class Requests:
         return next(filter(None, map(self._take_file, self._waiting())), None)
 
     def wait(self, seconds: float = LOOK_S) -> None:
-        """Wait for a request or a call of `wake`, up to a time."""
+        """Wait until a request arrives or `wake` is called, but at most this time in s."""
         with suppress(queue.Empty):
             self._arrived.get(timeout=seconds)
 
     def wake(self) -> None:
-        """End a wait."""
+        """End a running `wait`."""
         self._arrived.put(None)
 
     def _waiting(self) -> list[Path]:
@@ -404,7 +404,7 @@ def ask(folder: Path, word: str, by: str) -> Holder:
     Raises
     ------
     CampaignError
-        If no process runs it, or the request cannot be written.
+        If no process runs the campaign, or the request cannot be written.
     """
     running = holder(folder)
     if running is None:

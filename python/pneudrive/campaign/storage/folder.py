@@ -53,7 +53,7 @@ LEAST_SAMPLES = 20
 
 
 def speed_of(time_s: Array, position_m: Array, speed_m_s: float) -> Array:
-    """Return the signed speed, shape (n,), averaged over a time that suppresses the noise of the position."""
+    """Return the signed speed (n,), averaged over a time that suppresses the noise of the position."""
     width = _window_s(position_m, speed_m_s)
     low = np.maximum(time_s - width / 2, time_s[0])
     high = np.minimum(time_s + width / 2, time_s[-1])
@@ -71,7 +71,7 @@ def steps_from_motion(time_s: Array, position_m: Array, speed_m_s: float | None 
     Parameters
     ----------
     time_s, position_m : ndarray, shape (n,)
-        As recorded; samples that are not finite, or out of order in time, take the number of their neighbour.
+        As recorded. A sample that is not finite or not in order of time takes the number of the sample before it.
     speed_m_s : float, optional
         Speed that the cycle measures. None: usual speed of the motion.
 
@@ -105,7 +105,7 @@ def steps_from_motion(time_s: Array, position_m: Array, speed_m_s: float | None 
 
 
 def _runs(mask: Bools, value: bool) -> list[tuple[int, int]]:
-    """Return the runs of consecutive samples with a value, without the first and the last run."""
+    """Return begin and end of the runs of samples equal to `value`, without the first and the last run."""
     edges = (np.flatnonzero(np.diff(mask)) + 1).tolist()
     return [(begin, end) for begin, end in pairwise(edges) if mask[begin] == value]
 
@@ -183,7 +183,7 @@ class CycleFile(Shown):
 def read_samples(
     files: Sequence[CycleFile], steps_of: Collection[str] | None = None
 ) -> Iterator[Samples | CampaignError]:
-    """Read the raw samples of many files, see `CycleFile.samples`; an unreadable file gives its error.
+    """Read the raw samples of many files, see `CycleFile.samples`. For an unreadable file, yield the error.
 
     Parameters
     ----------
@@ -217,7 +217,7 @@ def _samples(file: CycleFile, columns: dict[str, NDArray[Any]] | PneudriveError,
     step = channels.pop("step", None)
     missing = [name for name in REQUIRED_COLUMNS if name not in channels]
     if missing:
-        raise CampaignError(f"the file lacks the column {missing[0]}", where=where, rule="names have SI units")
+        raise CampaignError(f"the file lacks the column {missing[0]}", where=where, rule="names contain the SI unit")
     cycle, count = file.cycle, channels["time_s"].size
     usual = {"pressure_a_pa": cycle.pressure_a_pa, "pressure_b_pa": cycle.pressure_b_pa, "temperature_k": np.nan}
     channels = {name: np.full(count, value) for name, value in usual.items()} | channels
@@ -320,7 +320,7 @@ def write_cycle(folder: Path, head: Head, samples: Samples) -> Path:
     head : Head
         Its ``sha256`` is filled in.
     samples : Samples
-        None of them for an operator's step.
+        Empty for an operator's step.
 
     Raises
     ------
@@ -387,7 +387,7 @@ class Campaign(Shown):
 
     @classmethod
     def open(cls, path: str | Path) -> Campaign:
-        """Open a folder.
+        """Open a campaign folder.
 
         Raises
         ------
@@ -431,7 +431,7 @@ class Campaign(Shown):
         return sorted((self.path / CYCLES).glob("*.parquet"), key=lambda path: path.name)
 
     def scan(self) -> tuple[list[CycleFile], list[Problem]]:
-        """Read all headers.
+        """Read the headers of all finished cycles.
 
         Returns
         -------
@@ -460,7 +460,7 @@ class Campaign(Shown):
         return list(unique.values()), problems
 
     def cycles(self) -> Iterator[CycleFile]:
-        """Return the usable finished cycles in running order; `scan` lists the others."""
+        """Return the usable finished cycles in running order. `scan` lists the problems of the others."""
         yield from self.scan()[0]
 
     def checked(self) -> tuple[list[CycleFile], list[Problem]]:

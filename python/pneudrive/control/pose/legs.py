@@ -52,7 +52,7 @@ DECOUPLING, HEAVIEST = "inversion", 12.0
 
 
 class Demands(NamedTuple):
-    """Motion, force and load of each leg at the knots of a path, shape (m, n); SI units.
+    """Motion, force and load of n legs at m knots of a path, in SI. Arrays without a stated shape have (m, n).
 
     Attributes
     ----------
@@ -61,7 +61,7 @@ class Demands(NamedTuple):
         Motion, force without friction, and moving mass of each leg.
     jerks_m_s3 : ndarray
     loads_n, load_rates_n_s : ndarray
-        m_i a_i - F_i: external force in +x, without air and friction, and its rate.
+        External force m_i a_i - F_i in +x, without air and friction, and its rate.
     couplings : ndarray, shape (m, n, n)
         Fraction of the force of leg j that acts on leg i as a load; zero for i = j.
     inertias_kg : ndarray, shape (m, n, n)
@@ -86,7 +86,7 @@ class Demands(NamedTuple):
 
     @property
     def bandwidth_share(self) -> float:
-        """Bandwidth of the decoupling law, relative to that of a single leg."""
+        """Bandwidth of the decoupling law, relative to the bandwidth for a single leg."""
         heaviest = np.linalg.eigvalsh(self.inertias_kg)[:, -1] / self.legs.masses_kg.min(axis=1)
         return min(1.0, float(HEAVIEST / heaviest.max()) ** (1.0 / 3.0))
 
@@ -262,7 +262,7 @@ def leg_tunings(
     platform: Platform,
     needs: Demands,
     law: str | None,
-    setup: Setup,
+    setup: SetupOrFile | None,
     controller: ControllerOrFile | None = None,
 ) -> list[Tuning]:
     """Return a controller for each leg, tuned for mass and load of the leg at the beginning of a path.
@@ -303,7 +303,7 @@ def run_pose(
     law: str | None = None,
     *,
     reference: PosePath | Mapping[str, str] | str | Path,
-    setup: SetupOrFile = "real",
+    setup: SetupOrFile | None = None,
     duration: str | float | None = None,
     seed: int = 1,
     controller: ControllerOrFile | None = None,
@@ -313,7 +313,7 @@ def run_pose(
     progress: Progress | None = None,
     cancel: Flag | None = None,
 ) -> xr.Dataset:
-    """Simulate a platform under control along a path of its pose. Controllers and platform share equations.
+    """Simulate a platform under control along a path of its pose. Controllers and platform share the core's equations.
 
     Each leg has a controller. It receives position, velocity, acceleration and jerk of the leg from the path. It
     receives moving mass, load and rate of the load from the inverse dynamics of the described platform. The controllers
@@ -332,12 +332,12 @@ def run_pose(
     seed : int
         Seed of all noise, and of the draws of a mismatch with ranges.
     payload : str or sequence of str, optional
-        Mass at ``payload_at`` of the platform, such as ``"2 kg"``, that no controller knows. With several payloads, the
-        platform is run with each. The dataset is that of the first payload, and the score has the spread.
+        Mass at ``payload_at`` of the platform, such as ``"2 kg"``. No controller knows this mass. The platform is run
+        with each of several payloads. The dataset is that of the first payload, and the score contains the spread.
     mismatch : Mismatch, str or path-like, optional
         Deviation of each leg from its description. Ranges are drawn for each leg.
     dynamics : str
-        ``"full"``, or ``"constant"``: the controllers assume mass and load of each leg at the start of the path.
+        ``"full"``, or ``"constant"``: then the controllers use mass and load of each leg at the start of the path.
 
     Returns
     -------
@@ -368,10 +368,10 @@ def run_pose(
         raise CommandError(f'dynamics = "{dynamics}"', rule='"full" or "constant"')
     platform = platform_of(circuit)
     path = pose_path(reference, platform)
-    read, setup_name = read_setup(setup)
     seconds = path.duration_s if duration is None else positive(duration, "s", "duration")
     needs = demands(platform, path, seconds)
-    tunings = leg_tunings(circuit, platform, needs, law, read, controller)
+    tunings = leg_tunings(circuit, platform, needs, law, setup, controller)
+    read, setup_name = read_setup(tunings[0].setup)
     margins = check_path(platform, tunings, needs)
     legs = _Legs(circuit, platform, path, needs, tunings, read, seconds, dynamics == "full")
     payloads = [payload] if payload is None or isinstance(payload, str) else list(payload)
@@ -409,7 +409,7 @@ class _Legs:
     def run(
         self, payload: str | None, mismatch: MismatchOrFile | None, seed: int, watch: Watch
     ) -> tuple[Columns, float, list[Plain]]:
-        """Return columns, consumed air, kg, and events of one run with a payload."""
+        """Return columns, consumed air (kg) and events of one run with a payload."""
         loaded = json.loads(self.circuit.core_json())
         if payload is not None:
             numbers = next(one["numbers"] for one in loaded["components"] if one["name"] == self.platform.name)
@@ -456,7 +456,7 @@ class _Legs:
         return columns, mass_kg, events
 
     def score(self, columns: Mapping[str, Array], mass_kg: float, margins: NamedNumbers) -> PoseScore:
-        """Score a run."""
+        """Return the score of a run along the path."""
         time, period = columns["time_s"], self.path.period_s
         scored = time >= (0.0 if period is None else time[-1] - max(LAST_S, period) + 0.5 * time[1])
 

@@ -60,7 +60,7 @@ class CoordinatePath(NamedTuple):
     moves: tuple[ReferenceMove, ...] = ()
 
     def at(self, times_s: Array) -> Array:
-        """Return the coordinate and two derivatives, shape (3, n). A sine reaches full amplitude within a period."""
+        """Return the coordinate and two derivatives as rows. A sine reaches its full amplitude within a period."""
         if self.kind in ("square", "moves"):
             moves = self._until(float(times_s.max(initial=0.0)))
             return Reference("", self.centre, tuple(moves)).at(times_s).T[:3]
@@ -117,7 +117,7 @@ class PosePath(Shown):
         return max((line.moves[-1].end_s for line in self.lines if line.moves), default=0.0) + REST_S
 
     def at(self, times_s: Array) -> Array:
-        """Return coordinates (m, rad) and their first two derivatives at times (s), shape (3, coordinates, times)."""
+        """Return coordinates (m, rad) and two derivatives at times (s), with the shape (3, coordinates, times)."""
         times = np.ascontiguousarray(times_s, dtype=float)
         return np.stack([line.at(times) for line in self.lines], axis=-1)
 
@@ -181,7 +181,7 @@ def pose_path(given: PosePath | Mapping[str, str] | str | Path, platform: Platfo
 
 
 def _line(given: object, unit: str, home: float) -> CoordinatePath:
-    """Read the text of one coordinate, m or rad."""
+    """Read the text of one coordinate, whose unit is m or rad."""
     from pneudrive import units
 
     if given is None:
@@ -209,7 +209,7 @@ def _line(given: object, unit: str, home: float) -> CoordinatePath:
     if every is not None:
         last = moves.moves[-1] if moves.moves else None
         if last is None or last.end_s > period or abs(last.to_m - moves.start_m) > 0.0:
-            raise DescriptionError(f'"{given}" cannot be repeated', rule="it must end at the start, in the period")
+            raise DescriptionError(f'"{given}" cannot be repeated', rule="moves end at the start, within the period")
     return CoordinatePath("moves", moves.start_m, period_s=period, moves=moves.moves)
 
 
@@ -218,7 +218,7 @@ def _line(given: object, unit: str, home: float) -> CoordinatePath:
 
 @dataclass(frozen=True)
 class Tracked:
-    """Error of one coordinate or leg: reference minus actual value, m or rad.
+    """Error of one coordinate or leg: reference minus actual value, in m or rad.
 
     Attributes
     ----------
@@ -264,7 +264,7 @@ class PoseScore(Viewed):
     coordinates, legs : dict
         Name -> `Tracked`.
     air_per_cycle_anr_m3 : float or None
-        Air from the reservoirs in a period, as volume at the standard reference atmosphere; None: no period.
+        Air from the reservoirs in a period, as volume at the standard reference atmosphere; None without a period.
     air_anr_m3_s : float
     saturated_share : float
         Fraction of the samples with the command at its limit; the largest of all legs.
@@ -289,7 +289,7 @@ class PoseScore(Viewed):
 
     @property
     def lost(self) -> str:
-        """Coordinate or leg with the largest error, in words, if that exceeds 20 mm; empty otherwise."""
+        """Coordinate or leg with the largest error, in words, if this error exceeds 20 mm; otherwise empty."""
         errors = {name: one.max_error for name, one in {**self.coordinates, **self.legs}.items() if one.unit == "m"}
         name = max(errors, key=lambda key: errors[key])
         return f"{name} is up to {1e3 * errors[name]:.3g} mm from its reference" if errors[name] > LOST_M else ""
@@ -352,7 +352,7 @@ class PoseScore(Viewed):
             yield ShownTable("Errors over the payloads.", ("payload", *self.coordinates), (*rows, ("spread", *ranges)))
 
     def to_csv(self) -> str:
-        """Return RMS and largest error, m or rad, and RMS in percent of the amplitude, of each coordinate and leg."""
+        """Return RMS and largest error (m or rad), and RMS in percent of amplitude, of coordinates and legs as CSV."""
         lines = ["name,unit,rmse,max_error,amplitude,percent"]
         for name, one in [*self.coordinates.items(), *self.legs.items()]:
             lines.append(f"{name},{one.unit},{one.rmse!r},{one.max_error!r},{one.amplitude!r},{one.percent!r}")

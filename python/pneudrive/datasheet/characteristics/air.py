@@ -31,14 +31,14 @@ if TYPE_CHECKING:
 
 FULL_S = 20.0  # half a cycle: chambers fill and empty, and take the temperature of the wall
 SLOW = 4.0  # a slow drive is given this times the half cycle in which its piston reaches both ends
-NO_STROKES = "the piston does not reach both ends under full command, so the figures of air are not those of strokes"
+NO_STROKES = "the piston does not reach both ends under full command, so the air per cycle is not that of full strokes"
 REPEATS, RTOL = 3, 1e-8  # cycles before the one that counts, and tolerance
 NORMAL_DENSITY_KG_M3 = 1.2929  # dry air at 0 degC and 101325 Pa (normal litre, DIN 1343)
 _BOUNDARY = ("mass over the boundary [kg]", "enthalpy over the boundary [J]", "entropy over the boundary [J/K]")
 
 
 def full_half_s(plant: HeldDrive) -> float:
-    """Return the half of a cycle in which the chambers fill and empty, and take the temperature of the wall, s.
+    """Return half of the period (s) of a cycle in which the chambers fill and empty, and reach the wall temperature.
 
     Warn if the piston does not move from end to end.
     """
@@ -50,7 +50,7 @@ def full_half_s(plant: HeldDrive) -> float:
 
 @lru_cache(maxsize=64)  # characteristics of one drive share runs
 def drawn_mass(plant: HeldDrive, half_s: float) -> float:
-    """Return the mass that one cycle draws from the supply, integrated over the solver's steps, kg."""
+    """Return the mass (kg) that one cycle draws from the supply, integrated over the solver's steps."""
     plans = plant.plans(square(half_s, REPEATS + 1))
     start = {f"{plant.piston}.position": "0 mm"}
     if f"{plant.piston}.b" in plant.nodes:
@@ -70,7 +70,7 @@ def _supplied(
     reservoirs: Sequence[str],
     **options: Any,  # noqa: ANN401 - of `simulate_many`
 ) -> list[np.ndarray]:
-    """Return the mass that each reservoir supplies in each run, kg: the integral of its flow over time."""
+    """Return the mass (kg) that each reservoir supplies in each run: the integral of its flow over time."""
     from pneudrive.ensemble.many import simulate_many
 
     outputs = [f"air_{number} = integral({name}.mass_flow)" for number, name in enumerate(reservoirs)]
@@ -81,7 +81,7 @@ def _supplied(
 
 
 def _entering(plant: HeldDrive, pressure: float, temperature: float) -> Pair:
-    """Return specific enthalpy, J/kg, and entropy, J/(kg K), of gas that flows from a reservoir into a small tank."""
+    """Return specific enthalpy (J/kg) and entropy (J/(kg K)) of gas that flows from a reservoir into a small tank."""
     circuit = type(plant.circuit).model_validate(
         {
             **{key: table for key, table in plant.circuit.to_dict().items() if key in ("gas", "ambient")},
@@ -106,7 +106,7 @@ def _entering(plant: HeldDrive, pressure: float, temperature: float) -> Pair:
 
 
 def _accounts(plant: HeldDrive, half_s: float, repeats: int) -> NamedNumbers:
-    """Return the accounts of energy and entropy of some cycles. They are integrated along the solver's steps."""
+    """Return the accounts of energy and entropy of some cycles, integrated along the solver's steps."""
     plans, start = plant.plans(square(half_s, repeats)), start_of(plant, 0.0, plant.before(1.0))
     options = {"initial": start, "ledger": True, "rtol": RTOL}
     return simulate_plant(plant, plans, 2 * repeats * half_s, 1.0 / half_s, **options).attrs["ledger"]["accounts"]
@@ -117,7 +117,7 @@ def _sum(accounts: NamedNumbers, ending: str) -> float:
 
 
 def losses(accounts: NamedNumbers, ambient_k: float) -> NamedNumbers:
-    """Return the exergy lost in each component, J: ambient temperature times entropy produced."""
+    """Return the exergy (J) lost in each component: ambient temperature times entropy produced."""
     out: NamedNumbers = {}
     for name, value in accounts.items():
         component, _, what = name.partition(": ")
@@ -136,13 +136,13 @@ def _air(plant: HeldDrive, half_period: float | None = None) -> Found:
     """Air per cycle.
 
     Mass drawn from the supply in one periodic cycle out and back, as volume at the standard reference atmosphere.
-    One value holds if the chambers fill and vent completely, the other for the cycle of the square
+    One value is for a cycle in which the chambers fill and vent completely, the other for the cycle of the square
     response.
 
     Settings
     --------
     half_period
-        of the second cycle, s; default: that of the square response
+        of the second of these cycles, in s; default: that of the square response
 
     Results
     -------
@@ -193,9 +193,9 @@ def _exergy(plant: HeldDrive) -> Found:
     exhausted : J
         exergy that leaves with the exhaust air
     load_work : J
-        work done on load and ambience
+        work done on load and ambient air
     open : 1
-        residual of the balance, over the exergy drawn
+        residual of the balance, relative to the exergy drawn
     half_period : s
         half of the period of the cycle
     """
@@ -228,13 +228,13 @@ class EnergyBalance(Viewed):
     Attributes
     ----------
     accounts_j : dict of str to float
-        Component and account -> heat, work and enthalpy over the boundary, J, positive inward.
+        Component and account -> heat, work and enthalpy over the boundary, in J, positive inward.
     open_share : float
         Residual of the energy balance, relative to the energy throughput.
     lost_j : dict of str to float
-        Component and cause -> exergy lost, J: ambient temperature times the entropy produced. The largest comes first.
+        Component and cause -> exergy lost, in J: ambient temperature times entropy produced. The largest comes first.
     air_kg : dict of str to float
-        Reservoir -> mass that it supplied, kg. Negative if it received more.
+        Reservoir -> mass that it supplied, in kg. Negative if it received more than it supplied.
     anr_density_kg_m3 : float
         Density of the gas at the standard reference atmosphere.
     """
@@ -247,7 +247,7 @@ class EnergyBalance(Viewed):
 
     @property
     def air_litres_anr(self) -> NamedNumbers:
-        """Reservoir -> litres at the standard reference atmosphere (ISO 8778)."""
+        """Reservoir -> supplied air in litres at the standard reference atmosphere (ISO 8778)."""
         return {name: litres_anr(mass, self.anr_density_kg_m3) for name, mass in self.air_kg.items()}
 
     def view(self) -> View:
@@ -273,7 +273,7 @@ def energy_balance(
     rtol: float = 1e-6,
     cancel: Flag | None = None,
 ) -> EnergyBalance:
-    """Return the energy, the lost exergy and the air of a run.
+    """Return the energy accounts, the lost exergy and the supplied air of a run.
 
     Parameters
     ----------

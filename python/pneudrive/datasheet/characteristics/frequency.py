@@ -12,7 +12,7 @@ from pneudrive import units
 from pneudrive.constants import ANR_DENSITY_KG_M3, ANR_TEMPERATURE_K
 from pneudrive.datasheet.characteristic import Found, ResultValue, characteristic
 from pneudrive.datasheet.characteristics.response import run_strokes, short_columns, simulate_plant, start_of
-from pneudrive.datasheet.characteristics.steady import adiabatic_stiffness, full_force
+from pneudrive.datasheet.characteristics.steady import adiabatic_stiffness, full_force, oscillations
 from pneudrive.datasheet.equilibrium import gas_at, linear_model, moving_gas, open_command, steady_state
 from pneudrive.datasheet.plant import Actuation, HeldDrive
 from pneudrive.datasheet.stands import flow_through
@@ -36,7 +36,9 @@ if TYPE_CHECKING:
 
 # --- Frequency response of the linear model, and of the nonlinear drive at finite amplitudes.
 
-FREQUENCIES = tuple(float(f) for f in np.geomspace(0.1, 100.0, 91))  # Hz
+FREQUENCIES = np.geomspace(0.1, 100.0, 91)  # Hz
+NEAR, REACH = np.linspace(-1.0, 1.0, 61), 0.3  # frequencies added about a resonance, and their reach in ln f
+LEAST_DAMPING = 1e-9  # of a resonance, for the distance of these frequencies
 FINE = 201  # frequencies between the neighbours of the largest response
 SLOW = 1e-4  # of the linear model's slowest pole that counts: where the velocity gain is read, Hz
 SINE_HZ, AMPLITUDES = (1.0, 2.0, 4.0, 8.0), (0.05, 0.1, 0.2, 0.4)
@@ -47,7 +49,7 @@ LOADS = (0.2, 0.3, 0.4)  # of the blocked force at full command: amplitudes of a
 
 
 def response(linear: Linear, output: str, frequencies: Array) -> Array:
-    """Return the response of an output to the command, complex."""
+    """Return the complex frequency response of an output to the command."""
     row = linear.outputs.index(output)
     c, d = linear.C[row], linear.D[row, 0]
     unity, b = np.eye(len(linear.states)), linear.B[:, 0]
@@ -62,7 +64,7 @@ def response(linear: Linear, output: str, frequencies: Array) -> Array:
     needs_shares=True,
     held=True,
 )
-def _bode(plant: HeldDrive) -> Found:
+def _bode(plant: HeldDrive, position: float | None = None, frequencies: Any = None) -> Found:  # noqa: ANN401
     """Frequency response.
 
     Response of velocity, position and pressures to a small command about an operating point, without lag and dead time
@@ -70,40 +72,56 @@ def _bode(plant: HeldDrive) -> Found:
     and viscous friction. A valve with negative overlap is at its centre, where both edges of a chamber are open.
     `pn.linearise` gives the model at other points.
 
+    Settings
+    --------
+    position
+        of the operating point, in m; default: mid stroke
+    frequencies
+        Hz; default: 0.1 to 100, and closer ones around each resonance
+
     Results
     -------
     frequency : Hz
         frequency
     velocity_response : m/s over frequency
-        velocity over command, size
+        magnitude of velocity over command
     velocity_magnitude : dB over frequency
         the same, in dB re 1 m/s
     velocity_phase : deg over frequency
         its phase
     position_response : m over frequency
-        position over command, size
+        magnitude of position over command
     pressure_response : Pa over frequency
         magnitude of pressure a minus b, over command
     velocity_gain : m/s
         velocity over command at low frequency, at the operating point
     resonance : Hz
-        frequency of the largest response
+        frequency of the largest response; none if the response falls from the lowest frequency on
+    peak : dB
+        largest magnitude of velocity over command, in dB re 1 m/s
+    damping_ratio : 1
+        of the oscillation nearest to the resonance; none without an oscillation
     """
-    x = plant.middle_m
+    x = plant.middle_m if position is None else position
     linear = linear_model(plant, open_command(plant, 0.0), x, moving_gas(plant), "sliding")
-    f = np.array(FREQUENCIES)
     output = f"{plant.piston}.velocity_m_s"
+    modes = oscillations(linear)
+    damping = np.maximum([-one.real / abs(one) for one in modes], LEAST_DAMPING)
+    near = damping * np.sinh(np.outer(NEAR, np.arcsinh(REACH / damping)))
+    grid = np.union1d(FREQUENCIES, np.abs(modes) * np.exp(near) / (2.0 * math.pi))
+    highest = int(np.argmax(np.abs(response(linear, output, grid))))
+    fine = np.geomspace(grid[max(highest - 1, 0)], grid[min(highest + 1, grid.size - 1)], FINE)
+    sizes = np.abs(response(linear, output, fine))
+    resonance = fine[int(np.argmax(sizes))] if highest else math.nan
+    mode = min(modes, key=lambda one: abs(abs(one) - 2.0 * math.pi * resonance), default=complex(math.nan))
+    f = grid if frequencies is None else np.array([positive(one, "", "frequency") for one in frequencies])
     velocity = response(linear, output, f)
     a, b = (response(linear, f"{plant.piston}.{side}.pressure_pa", f) for side in "ab")
     size = np.abs(velocity)
     phase = np.unwrap(np.angle(velocity)) * 180.0 / math.pi
     gain = abs(response(linear, output, np.array([SLOW]))[0])
-    peak = int(np.argmax(size))
-    near = np.geomspace(f[max(peak - 1, 0)], f[min(peak + 1, f.size - 1)], FINE)
-    resonance = near[int(np.argmax(np.abs(response(linear, output, near))))]
-    displacement = size / (2.0 * math.pi * f)
-    difference = np.abs(a - b)
-    return f, size, 20.0 * np.log10(size), phase, displacement, difference, gain, resonance
+    numbers = gain, resonance, 20.0 * np.log10(sizes.max()), -mode.real / abs(mode)
+    return f, size, 20.0 * np.log10(size), phase, size / (2.0 * math.pi * f), np.abs(a - b), *numbers
 
 
 @characteristic(
@@ -116,8 +134,8 @@ def _bode(plant: HeldDrive) -> Found:
 def _describing(plant: HeldDrive, amplitudes: Any = AMPLITUDES, frequencies: Any = SINE_HZ) -> Found:  # noqa: ANN401
     """Response to large sines.
 
-    First harmonic of the velocity over a sinusoidal command, and the other harmonics over the first, for several
-    amplitudes and frequencies. The piston starts at mid stroke and does not reach an end.
+    First harmonic of the velocity relative to a sinusoidal command, and the other harmonics relative to the first, for
+    several amplitudes and frequencies. The piston starts at mid stroke and does not reach an end.
 
     Settings
     --------
@@ -133,11 +151,11 @@ def _describing(plant: HeldDrive, amplitudes: Any = AMPLITUDES, frequencies: Any
     frequency : Hz
         frequency
     gain : m/s over amplitude, frequency
-        first harmonic of the velocity over the amplitude
+        first harmonic of the velocity divided by the amplitude
     phase : deg over amplitude, frequency
         phase of the first harmonic
     distortion : 1 over amplitude, frequency
-        harmonics 2 to 10 over the first one, root of squares
+        root of the sum of squares of harmonics 2 to 10, divided by the first one
     """
     return _over_grid(amplitudes, frequencies, lambda a, f: _harmonics(plant, a, f))
 
@@ -145,7 +163,7 @@ def _describing(plant: HeldDrive, amplitudes: Any = AMPLITUDES, frequencies: Any
 def _over_grid(
     amplitudes: Sequence[float], frequencies: Sequence[float], find: Callable[[float, float], tuple[float, ...]]
 ) -> tuple[Any, ...]:
-    """Return amplitudes and frequencies, and the results of each pair, shape (amplitudes, frequencies)."""
+    """Return amplitudes and frequencies, and the results as arrays of the shape (amplitudes, frequencies)."""
     named = (("amplitude", amplitudes), ("frequency", frequencies))
     axes = [[positive(one, "", name) for one in values] for name, values in named]
     found = np.array([[find(a, f) for f in axes[1]] for a in axes[0]])
@@ -195,17 +213,18 @@ def _load_describing(
 ) -> Found:
     """Response to large sines of the load.
 
-    First harmonic of the position over a sinusoidal load with the valve at command 0, and the other harmonics over the
-    first, for several amplitudes and frequencies. The piston starts at mid stroke and does not reach an end.
+    First harmonic of the position relative to a sinusoidal load, and the other harmonics relative to the first, for
+    several amplitudes and frequencies. The valve is at command 0. The piston starts at mid stroke and does not reach an
+    end.
 
     Settings
     --------
     amplitudes
-        of the load, N; default: 20, 30 and 40 % of the blocked force at full command
+        of the load, in N; default: 20, 30 and 40 % of the blocked force at full command
     frequencies
         Hz
     pressures
-        of both chambers; default: half way from ambient to supply
+        of both chambers; default: the mean of ambient and supply pressure
 
     Results
     -------
@@ -214,11 +233,11 @@ def _load_describing(
     frequency : Hz
         frequency
     compliance : m/N over amplitude, frequency
-        first harmonic of the position over the amplitude
+        first harmonic of the position divided by the amplitude
     phase : deg over amplitude, frequency
         phase of the first harmonic
     distortion : 1 over amplitude, frequency
-        harmonics 2 to 10 over the first one, root of squares
+        root of the sum of squares of harmonics 2 to 10, divided by the first one
     """
     if amplitudes is None:
         most = min(abs(full_force(plant, direction)[0]) for direction in (1.0, -1.0))
@@ -280,7 +299,7 @@ def _of(plant: HeldDrive) -> list[float]:
 def _tornado(plant: HeldDrive, numbers: Any = None) -> Found:  # noqa: ANN401 - a sequence of names
     """Sensitivity to each number of the drive.
 
-    Relative change of a result over the relative change of one number of the drive file.
+    Relative change of a result divided by the relative change of one number of the drive file.
 
     Settings
     --------
@@ -292,15 +311,15 @@ def _tornado(plant: HeldDrive, numbers: Any = None) -> Found:  # noqa: ANN401 - 
     parameter : 1
         number of the drive file
     steady_speed_sensitivity : 1 over parameter
-        relative change of the steady speed at full command, over that of the number
+        relative change of the steady speed at full command, divided by that of the number
     stall_force_sensitivity : 1 over parameter
-        relative change of the largest load that the resting piston can move, over that of the number
+        relative change of the largest load that the resting piston can move, divided by that of the number
     natural_frequency_sensitivity : 1 over parameter
-        relative change of the natural frequency at mid stroke, over that of the number
+        relative change of the natural frequency at mid stroke, divided by that of the number
     stroke_time_sensitivity : 1 over parameter
-        relative change of the time of a full stroke from rest, over that of the number
+        relative change of the time of a full stroke from rest, divided by that of the number
     end_speed_sensitivity : 1 over parameter
-        relative change of the speed at the end of that stroke, over that of the number
+        relative change of the speed at the end of that stroke, divided by that of the number
     """
     drive: Any = plant.described
     if not hasattr(drive, "cylinder"):
@@ -399,7 +418,7 @@ def lines(
 
 
 def _metres(given: Sequence[str | float], what: str) -> list[float]:
-    """Return the distinct lengths, m, ascending."""
+    """Return the distinct lengths in m, in ascending order."""
     if isinstance(given, str) or not given:
         raise CommandError(f"{what} = {given!r} is not a list of quantities", remedy='For instance ["0.5 m", "2 m"].')
     return sorted({positive(one, "m", what) for one in given})

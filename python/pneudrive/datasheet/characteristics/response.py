@@ -52,7 +52,7 @@ class StrokeRun(NamedTuple):
 
 
 def simulate_plant(plant: HeldDrive, plans: Commands, duration: float, rate: float, **more: Any) -> xr.Dataset:  # noqa: ANN401
-    """Simulate the circuit of a drive without warnings. They are meant for runs that the user requests."""
+    """Simulate the circuit of a drive. Warnings are not shown, because only runs that the user requests need them."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", PneudriveWarning)
         return simulate(plant.circuit, plans, duration, sample_rate=rate, **more)
@@ -65,7 +65,7 @@ def short_columns(plant: HeldDrive, run: xr.Dataset) -> Columns:
 
 @lru_cache(maxsize=64)
 def expected_time(plant: HeldDrive, command: float) -> float:
-    """Return a sufficient time for one stroke, s."""
+    """Return a time (s) that is sufficient for one stroke."""
     try:
         speed = min(abs(steady_state(plant.static, side * command, 0.0).velocity_m_s) for side in (1, -1))
     except (CommandError, SimulationError):
@@ -81,9 +81,9 @@ def run_strokes(
     expected_s: float | None = None,
     **more: Any,  # noqa: ANN401 - of `simulate`
 ) -> StrokeRun:
-    """Run a stroke for each signal from rest, and return the last one; of several, the last one out and back.
+    """Run a stroke for each signal, and return the last stroke, or the last two strokes of several signals.
 
-    All strokes get the same time. If the piston neither arrives nor comes to rest before the end, they get more.
+    The first stroke starts from rest. All strokes get the same time, which is increased if a stroke does not finish.
     """
     expected = expected_s or expected_time(plant, abs(signals[0]))
     start, count = start_of(plant, position, pressures), min(len(signals), 2)
@@ -109,6 +109,7 @@ def run_strokes(
 
 def start_of(plant: HeldDrive, position: float, pressures: Pair) -> dict[str, str]:
     """Return a start state at ambient temperature. Lines start at the pressure of their chamber."""
+    plant.check_position(position)
     own = plant.piston
     start = {f"{own}.position": f"{position!r} m"}
     sides = [(side, p) for side, p in zip("ab", pressures, strict=True) if f"{own}.{side}" in plant.nodes]
@@ -116,7 +117,7 @@ def start_of(plant: HeldDrive, position: float, pressures: Pair) -> dict[str, st
 
 
 def square(half_s: float, repeats: int) -> list[Pair]:
-    """Return time, s, and signal at each change of a square command."""
+    """Return time (s) and signal at each change of a square command."""
     return [(k * half_s, 1.0 if k % 2 == 0 else -1.0) for k in range(2 * repeats)]
 
 
@@ -170,7 +171,7 @@ def _step(plant: HeldDrive, command: float = 1.0, position: float | None = None,
     command
         of the valve
     position
-        start position, m; default: the end from which the piston moves away
+        start position, in m; default: the end from which the piston moves away
     pressures
         start pressures; default: ambient, and supply in the emptying chamber
     """
@@ -257,7 +258,7 @@ def _impact(plant: HeldDrive) -> Found:
 
 
 def _hit(motion: StrokeRun) -> tuple[float, float, float]:
-    """Return the energy that the stop of a stroke absorbs, J, and force and depth of the first contact.
+    """Return the energy (J) that the end stop absorbs in a stroke, and force and depth of the first contact.
 
     NaN without a contact.
     """
@@ -293,7 +294,7 @@ def _cushion(plant: HeldDrive, end_speed: float = END_SPEED) -> Found:
     Settings
     --------
     end_speed
-        largest admissible, m/s (assumed)
+        largest admissible end speed, in m/s (assumed)
 
     Results
     -------
@@ -302,7 +303,7 @@ def _cushion(plant: HeldDrive, end_speed: float = END_SPEED) -> Found:
     speed : m/s
         speed at the beginning of the cushion
     needle : 1
-        opening of the needle, relative to its description
+        opening of the needle, relative to the described opening
     peak_pressure : Pa over mass, speed
         largest absolute pressure in the cushion
     end_speed_by_needle : m/s over needle
@@ -353,7 +354,7 @@ def _with_needle(plant: HeldDrive, side: str, share: float) -> HeldDrive:
 
 
 def _end(plant: HeldDrive, side: str, speed: float) -> Pair:
-    """Return end speed, m/s, and peak pressure, Pa, of a piston that enters a cushion at a given speed."""
+    """Return end speed (m/s) and peak pressure (Pa) of a piston that enters a cushion at a given speed."""
     toward = 1.0 if side == "b" else -1.0
     length = float(getattr(plant.parts[plant.piston], f"cushion_{side}_length_m"))
     x = plant.stroke_m - length - BEFORE_M if side == "b" else length + BEFORE_M
@@ -386,7 +387,7 @@ REST_S, SWITCHING_RATE_HZ = 0.5, 1e5  # between the commands; samples
 def _times(plant: HeldDrive) -> Found:
     """Times of the valve.
 
-    Time from switching on, or off, until the pressure of 10 cm3 at the outlet has made 10 % of its total change.
+    Time from switching on, or off, until the pressure in a volume of 10 cm3 at the outlet has made 10 % of its change.
 
     Results
     -------

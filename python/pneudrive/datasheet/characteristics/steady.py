@@ -29,10 +29,10 @@ TINY = 1e-8  # command at whose both sides the slope of a leaking valve is taken
 
 
 def full_force(plant: HeldDrive, direction: float, velocity: float = LEAST_VELOCITY) -> Pair:
-    """Return blocked and stall force at full command, N, positive in the direction of the command.
+    """Return blocked and stall force (N) at full command, positive in the direction of the command.
 
     Blocked force: force of gas, weight and described load on a pinned piston. Stall force: blocked force minus
-    the friction at a velocity, by default breakaway: the largest load that a piston at rest can move.
+    the friction at a velocity. With the default velocity, it is the largest load that a piston at rest can move.
     """
     rest = steady_state(plant, direction)
     pressures = (rest.pressure_a_pa, rest.pressure_b_pa)
@@ -53,8 +53,8 @@ def _velocity(plant: HeldDrive) -> Found:
 
     Velocity at mid stroke at which pressures, temperatures and velocity are constant. The loads against the motion are
     0, 25 and 50 % of the stall force.
-    Velocity gain and dead zone come from a line through commands 0.05 and 0.1 without load, from the overlap on, or
-    from 0 if the overlap is negative.
+    Velocity gain and dead zone come from a line through two points without load. Their commands are 0.05 and 0.1 above
+    the overlap, or above 0 if the overlap is negative.
 
     Results
     -------
@@ -95,7 +95,7 @@ def _velocity(plant: HeldDrive) -> Found:
 
 
 def _steady(plant: HeldDrive, command: float, load: float | None = None) -> tuple[float, float, float]:
-    """Return velocity and both pressures under a load, or of a blocked piston; NaN if no steady state exists."""
+    """Return velocity and both pressures under a load, or with a blocked piston; NaN if no steady state exists."""
     try:
         found = steady_state(plant, command, load)
     except SimulationError:
@@ -172,8 +172,8 @@ def _force(plant: HeldDrive, points: int = 12) -> Found:
 def _pressure_gain(plant: HeldDrive) -> Found:
     """Pressure gain.
 
-    Pressure difference of the chambers over the command, with a piston blocked at mid stroke, and its slope at the
-    centre.
+    Pressure difference of the chambers as a function of the command, with a piston blocked at mid stroke, and its slope
+    at the centre.
 
     Results
     -------
@@ -203,23 +203,8 @@ def _pressure_gain(plant: HeldDrive) -> Found:
 # --- Stiffness of the air spring, natural frequency and damping, from exact linearisations with the valve shut.
 
 FAST, SLOW = 1e6, 1e-5  # rad/s: heat does not follow, heat follows
-STROKE_SHARES = (
-    0.0,
-    0.02,
-    0.05,
-    0.1,
-    0.175,
-    0.25,
-    0.375,
-    0.5,
-    0.625,
-    0.75,
-    0.825,
-    0.9,
-    0.95,
-    0.98,
-    1.0,
-)  # of the stroke
+_NEAR_END = (0.0, 0.02, 0.05, 0.1, 0.175, 0.25, 0.375)
+STROKE_SHARES = (*_NEAR_END, 0.5, *(1.0 - share for share in reversed(_NEAR_END)))  # of the stroke
 LEVELS = (2.0, 3.0, 4.0, 5.0)  # bar absolute, as far as the supply reaches
 FREQUENCIES = tuple(float(f) for f in np.geomspace(0.01, 10.0, 61))  # Hz
 MASSES = (0.5, 1.0, 2.0, 4.0)  # times the moving mass
@@ -228,7 +213,7 @@ SLOWEST = 1e-4  # rad/s: slower pairs are masses of gas that stay the same, by r
 
 
 def dynamic_stiffness(plant: HeldDrive, linear: Linear, s: complex) -> complex:
-    """Return the ratio of gas force to displacement at a complex frequency s, 1/s, without the masses, N/m.
+    """Return the ratio (N/m) of gas force to displacement at a complex frequency s (1/s), without the masses.
 
     The states of the gas are eliminated from the linear model. Bodies that the piston moves are rigidly joined to it.
     """
@@ -246,21 +231,22 @@ def _at(plant: HeldDrive, position: float, pressures: Any) -> Linear:  # noqa: A
 
 
 def adiabatic_stiffness(plant: HeldDrive, position: float, pressures: Any, times: float = 1.0) -> float:  # noqa: ANN401
-    """Return the gas stiffness without heat exchange, N/m, at the natural frequency of `times` the moving mass.
+    """Return the gas stiffness (N/m) without heat exchange at the natural frequency of `times` the moving mass.
 
     Gas in the lines contributes only as far as it can flow at this frequency.
     """
     found = dynamic_stiffness(plant, _at(plant, position, pressures), 1j * FAST).real
     if len(plant.nodes) == CHAMBERS:
         return found
-    without_heat = _at(plant.heatless, position, pressures)
+    heatless = plant.table(plant.piston) | {"heat_transfer": "0 W/(m2 K)"}
+    without_heat = _at(plant.varied({plant.piston: heatless}), position, pressures)
     for _ in range(ROUNDS):
         found = dynamic_stiffness(plant, without_heat, 1j * math.sqrt(found / (times * plant.mass))).real
     return found
 
 
 def levels_of(plant: HeldDrive, pressures: Any) -> list[float]:  # noqa: ANN401 - a sequence, or None
-    """Return the pressures of a map, Pa."""
+    """Return the pressures of a map, in Pa."""
     if pressures is not None:
         return [float(gas_at(plant, pressure)[0, 0]) for pressure in pressures]
     low, high = plant.ambient[0], plant.supply_pa
@@ -356,10 +342,14 @@ def _frequency(plant: HeldDrive, pressures: Any = None) -> Found:  # noqa: ANN40
         absolute pressure in both chambers
     mass : kg
         moving mass
+    drive_frequency : Hz
+        natural frequency of this drive at mid stroke, both chambers at the mean of supply and ambient pressure
+    drive_damping_ratio : 1
+        damping ratio there, with sliding friction and heat; 1 if overdamped
     natural_frequency : Hz over position, pressure
         natural frequency of the mass on the air spring without friction, heat exchange and flow
     mode_frequency : Hz over position, pressure
-        size of the eigenvalue pair, with sliding friction and heat; 0 if overdamped
+        magnitude of the eigenvalue pair, with sliding friction and heat; 0 if overdamped
     damping_ratio : 1 over position, pressure
         of that pair
     frequency_by_mass : Hz over mass, pressure
@@ -372,21 +362,27 @@ def _frequency(plant: HeldDrive, pressures: Any = None) -> Found:  # noqa: ANN40
         [[_mode(linear_model(plant, SIDE, x, gas_at(plant, p), friction="sliding")) for p in levels] for x in positions]
     )
     half = plant.middle_m
-    by_mass = [
-        [math.sqrt(adiabatic_stiffness(plant, half, p, m) / (m * plant.mass)) / (2.0 * math.pi) for p in levels]
-        for m in MASSES
-    ]
+
+    def at_half(pressure: float | None = None, times: float = 1.0) -> float:
+        return math.sqrt(adiabatic_stiffness(plant, half, pressure, times) / (times * plant.mass)) / (2.0 * math.pi)
+
+    own = at_half(), _mode(linear_model(plant, SIDE, half, gas_at(plant), friction="sliding"))[1]
+    by_mass = [[at_half(p, m) for p in levels] for m in MASSES]
     natural = np.sqrt(bare / plant.mass) / (2.0 * math.pi)
     masses = [k * plant.mass for k in MASSES]
-    return positions, levels, masses, natural, *np.moveaxis(modes, 2, 0), by_mass
+    return positions, levels, masses, *own, natural, *np.moveaxis(modes, 2, 0), by_mass
+
+
+def oscillations(linear: Linear) -> list[complex]:
+    """Return the eigenvalues (1/s) of the oscillating modes, one of each pair."""
+    return [one for one in np.linalg.eigvals(linear.A).tolist() if one.imag > max(1e-6 * abs(one), SLOWEST)]
 
 
 def _mode(linear: Linear) -> Pair:
-    """Return frequency, Hz, and damping ratio of the slowest oscillating pair; zero and 1 if nothing oscillates."""
-    pairs = [one for one in np.linalg.eigvals(linear.A) if one.imag > max(1e-6 * abs(one), SLOWEST)]
-    if not pairs:
+    """Return frequency (Hz) and damping ratio of the slowest oscillating mode; 0 and 1 without such a mode."""
+    slowest = min(oscillations(linear), key=abs, default=None)
+    if slowest is None:
         return 0.0, 1.0
-    slowest = min(pairs, key=abs)
     return abs(slowest) / (2.0 * math.pi), -slowest.real / abs(slowest)
 
 
@@ -415,7 +411,7 @@ def _reaches(plant: HeldDrive, pressure: float, direction: float) -> bool:
 
 
 def least_pressure(plant: HeldDrive, direction: float) -> float:
-    """Return the least absolute supply pressure at which the piston moves, Pa, by bisection on runs.
+    """Return the least absolute supply pressure (Pa) at which the piston moves, by bisection on runs.
 
     Raises
     ------

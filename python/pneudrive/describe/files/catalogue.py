@@ -1,9 +1,9 @@
 """Catalogue of parts and drives: every value has a source or is marked as assumed.
 
-A file contains a drive, a part, or several parts as ``[[part]]``. Each value is a table with ``value`` and
-``source``, a key of references.bib or of ``[sources]`` in the same file. Without a source it has ``assumed``, the
-reason. A part has the keys of its kind of component, a drive those of the drive file. A drive names its parts and
-adds missing values. Kinds of components are loaded only when a part is used, because drives do not need them.
+A file contains a drive, a part, or several parts as ``[[part]]``. Each value is a table with ``value``, and either
+``source`` or ``assumed``. ``source`` is a key of references.bib, or of ``[sources]`` in the same file. ``assumed`` is
+the reason. A part has the keys of its kind of component, and a drive has the keys of the drive file. A drive names its
+parts and adds missing values. Kinds of components are loaded only when a part is used: drives do not need them.
 """
 
 from __future__ import annotations
@@ -33,26 +33,33 @@ from pneudrive.references import entries as references
 PREFIX = "catalogue:"
 FOLDER = Path(__file__).resolve().parents[2] / "data" / "catalogue"
 DRIVE = "drive"
+#: Keys of `printed` that the sizing reads and no part of the built-in catalogue has.
+PRINTED = {"max_stroke", "max_speed", "cushion_energy", "absorber_energy_per_hour", "b10_cycles"}
 
 _own: ContextVar[tuple[Path, ...]] = ContextVar("folders of the user's catalogue", default=())
 
 
 def _values(given: object) -> tuple[Value, ...]:
-    """Read values with their origin, in tables of any depth."""
+    """Read values with their origin, in tables of any depth. A friction law in one value gives its origin to each."""
     if not isinstance(given, dict):
         raise DescriptionError(f"{given!r} is not a table")
     problems, origins = Problems(), {"value", "source", "assumed"}
     inner = toml.leaves(given, is_inner=lambda one: bool(isinstance(one, dict) and one and not origins & set(one)))
     found = [problems.take(sourced.read, key, one) for key, one in inner]
     problems.tell()
-    return tuple(found)
+    each = []
+    for one in found:
+        is_law = one.key == "friction" and isinstance(one.value, dict)
+        values = {f"friction.{key}": value for key, value in one.value.items()} if is_law else {one.key: one.value}
+        each += [replace(one, key=key, value=value) for key, value in values.items()]
+    return tuple(each)
 
 
 class Entry(Described):
     """Part or drive of the catalogue.
 
-    `kind` is "drive", or the part's kind of component. `parts` has the parts of a drive by table. `printed` are data of
-    the source that the model does not use.
+    `kind` is "drive", or the part's kind of component. `parts` names the part for each table of a drive. `printed` has
+    data of the source that the model does not use.
     """
 
     name: str
@@ -65,7 +72,7 @@ class Entry(Described):
 
     @cached_property
     def key(self) -> str:
-        """Prefix of its keys in its file."""
+        """Prefix of the entry's keys in the file."""
         return ""
 
     @property
@@ -91,12 +98,12 @@ class Entry(Described):
 
 @contextmanager
 def catalogue_folders(*paths: str | Path) -> Iterator[None]:
-    """Add the user's folders to the catalogue while the context lasts.
+    """Add the user's folders to the catalogue within a ``with`` block.
 
     Parameters
     ----------
     *paths : path-like
-        Folders of TOML files. A later one overrides an earlier one, and all override the built-in catalogue.
+        Folders of TOML files. Later folders override earlier ones, and all override the built-in catalogue.
 
     Raises
     ------
@@ -111,7 +118,7 @@ def catalogue_folders(*paths: str | Path) -> Iterator[None]:
     """
     for path in map(Path, paths):
         if not path.is_dir():
-            raise DescriptionError(f"there is no folder {path}", remedy="Name a folder of TOML files.")
+            raise DescriptionError(f"there is no folder {path}", remedy="Give a folder with TOML files.")
     before = _own.set((*_own.get(), *map(Path, paths)))
     try:
         yield
@@ -125,7 +132,7 @@ def entries() -> dict[str, Entry]:
     Raises
     ------
     DescriptionError
-        An entry is not valid: for instance, a value has neither a source nor a reason.
+        An entry is not valid, for instance because a value has neither a source nor a reason.
 
     Warns
     -----
@@ -133,6 +140,7 @@ def entries() -> dict[str, Entry]:
         A part or drive of the user replaces another one of the same name.
     """
     found = dict(_built_in())
+    known = PRINTED | {value.key for one in found.values() for value in one.printed}
     for folder in _own.get():
         for path in sorted(folder.rglob("*.toml")):
             for own in _read(path):
@@ -142,6 +150,8 @@ def entries() -> dict[str, Entry]:
                     whose = "the built-in catalogue" if Path(home).is_relative_to(FOLDER) else home
                     warn(f"{own.name} of {path} replaces {own.name} of {whose}")
                 found[own.name] = own
+                for key in {value.key for value in own.printed} - known:
+                    warn(f"printed.{key} of {own.name}, {path}, is not used. {nearest(key, known)}")
     return found
 
 
@@ -152,7 +162,7 @@ def _built_in() -> dict[str, Entry]:
 
 
 def entry(name: str, what: str = "", key: str = "") -> Entry:
-    """Return one part or drive.
+    """Return the part or drive with this name.
 
     Parameters
     ----------
@@ -161,7 +171,7 @@ def entry(name: str, what: str = "", key: str = "") -> Entry:
     what : str
         ``"drive"`` or ``"part"``; empty for both.
     key : str
-        Key of a file that names it.
+        Key of the file at which the name is given, for the error.
 
     Raises
     ------
@@ -177,7 +187,7 @@ def entry(name: str, what: str = "", key: str = "") -> Entry:
 
 
 def all_values(found: Entry) -> list[Value]:
-    """Return the values of a part, or of a drive and of its parts by keys of the drive file."""
+    """Return the values of a part, or of a drive and its parts by keys of the drive file."""
     out = {}
     for table, name in found.parts.items():
         for v in entry(name).values:
@@ -260,11 +270,11 @@ class _Sources(Described):
 
 
 class SingleEntry(Entry, _Sources):
-    """File of one entry."""
+    """Catalogue file with one entry."""
 
 
 class _Parts(_Sources):
-    """File of several parts."""
+    """Catalogue file with several parts."""
 
     part: tuple[Entry, ...]
 
@@ -319,7 +329,7 @@ NEAR = 1e-3
 def find_parts(
     kind: str | None = None, bore: str | None = None, stroke: str | None = None, flow: str | None = None
 ) -> list[Entry]:
-    """Return the matching parts, sorted by name.
+    """Return the parts of the catalogue that match all arguments, sorted by name.
 
     Parameters
     ----------
@@ -329,8 +339,8 @@ def find_parts(
         A length, or a range: ``"25 mm"``, ``"20 mm .. 40 mm"``. A part without a fixed stroke is made to order and fits
         any stroke.
     flow : str, optional
-        Sonic conductance or nominal flow, or a range of one: ``"1 dm3/(s bar) .. 3 dm3/(s bar)"``, ``"500 l/min ANR ..
-        800 l/min ANR"``. For a flow control, this is the needle when fully open.
+        Sonic conductance or nominal flow, or a range: ``"1 dm3/(s bar) .. 3 dm3/(s bar)"``, ``"500 l/min ANR .. 800
+        l/min ANR"``. For a flow control, it refers to the fully open needle.
 
     Raises
     ------
@@ -376,7 +386,7 @@ def _fits(entry: Entry, key: str, unit: str, low: float, high: float) -> bool:
 
 
 def _flow(own: Mapping[str, Any], unit: str) -> float | None:
-    """Return the sonic conductance of a part, or its nominal flow. None if the part does not state a flow."""
+    """Return the sonic conductance or the nominal flow of a part, as `unit` requires; None without a stated flow."""
     before = next((before for before in ("", "needle_") if any(before + key in own for key in FLOW_KEYS)), None)
     if before is None:
         return None

@@ -12,6 +12,7 @@ from pneudrive.describe.files import catalogue, toml
 from pneudrive.describe.kinds import component_kinds
 from pneudrive.describe.marks import table_schema
 from pneudrive.describe.short import TABLES, TUBES
+from pneudrive.errors import DescriptionError
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -46,7 +47,7 @@ def described_in(text: str, path: Path, allow: Callable[[Plain], object]) -> Dri
     path : Path
         Name of the file in messages. Custom friction laws are relative to its folder.
     allow : callable
-        Called with the tables before any other file is read. May reject them with an error.
+        Called with the tables before any other file is read. It may reject the tables with an error.
 
     Raises
     ------
@@ -59,6 +60,8 @@ def described_in(text: str, path: Path, allow: Callable[[Plain], object]) -> Dri
 
 
 def _made(tables: Plain, text: str, path: Path) -> Drive | Circuit:
+    if {"mass", "stroke"} <= tables.keys():
+        raise DescriptionError(f"{path} describes a task, not a drive", remedy="`pneudrive size` finds drives for it.")
     kind = Circuit if any(key in tables for key in OF_A_CIRCUIT) else Drive
     return kind.from_tables(tables, text, path)
 
@@ -130,7 +133,7 @@ def circuit_schema() -> Plain:
 
 
 def _with_origin(form: Plain) -> Plain:
-    """Allow a value with its origin; choices and tables stay unchanged."""
+    """Extend the schema of a quantity by a value with its origin. Choices and tables stay unchanged."""
     if "x-unit" not in form and form.get("type") != "number" and "anyOf" not in form:
         return form
     said = {key: {"type": "string"} for key in ("source", "assumed", "note")}
@@ -138,7 +141,7 @@ def _with_origin(form: Plain) -> Plain:
 
 
 def _with_tables(component: Plain) -> Plain:
-    """Allow ``end_stop_stiffness`` and similar keys in a table ``end_stop``, too."""
+    """Extend the schema, so that keys such as ``end_stop_stiffness`` may also be in a table ``end_stop``."""
     properties, required = dict(component["properties"]), component.get("required", [])
     parted: dict[tuple[str, ...], str] = {}  # keys of a possible inner table -> its longest name
     for key in component["properties"]:

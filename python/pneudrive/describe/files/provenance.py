@@ -19,7 +19,7 @@ ROUNDING = 1e-9
 
 
 def _ends(given: object) -> tuple[str, str]:
-    """Read both ends as written, quantities or ``-inf`` and ``inf``: their unit depends on the value."""
+    """Read both ends of an interval as texts. Ends are quantities, ``-inf`` or ``inf``, in the unit of the value."""
     is_pair = isinstance(given, list | tuple) and len(given) == 2
     if not is_pair or not all(isinstance(end, str | int | float) and not isinstance(end, bool) for end in given):  # type: ignore[union-attr]
         raise DescriptionError(f"{given!r} is not an interval", remedy='Write interval = ["29.1 N", "31.2 N"].')
@@ -34,7 +34,7 @@ class Origin(Described):
 
     `interval` holds two quantities, and `confidence` its coverage probability. `source` names the recordings. `fit` is
     the hash of the fit, and `file` the file of the fit. `model_error` is the lower limit of the model error, if known.
-    `correlation` has the correlations with the errors of other values, by their names.
+    `correlation` has the correlations with the errors of other values, by name.
     """
 
     table_name: ClassVar[str] = "provenance"
@@ -49,7 +49,7 @@ class Origin(Described):
     )
 
     def bounds_si(self, mark: Quantity | StatedPressure) -> tuple[float, float]:
-        """Return the interval in SI, pressures absolute or gauge as written."""
+        """Return the interval in SI, with absolute or gauge pressures as written."""
         return _end(self.interval[0], mark), _end(self.interval[1], mark)
 
 
@@ -69,7 +69,7 @@ class GivenNumber(NamedTuple):
 
 
 def values(table: Described) -> dict[str, GivenNumber]:
-    """Return every given number of a drive or a table, by its dotted key in the file.
+    """Return every given number of a drive or a table, by dotted key in the file.
 
     Examples
     --------
@@ -114,7 +114,7 @@ def check(drive: Described, origins: Mapping[str, Origin]) -> None:
     for key, origin in origins.items():
         full = f"provenance.{key}"
         if key not in known:
-            raise wrong(full, f'[provenance."{key}"] is not a value of this drive', remedy=nearest(key, known))
+            raise wrong(full, f'[provenance."{key}"] names no value of this drive', remedy=nearest(key, known))
         try:
             low, high = origin.bounds_si(known[key].mark)
         except (DescriptionError, ValueError) as error:

@@ -33,7 +33,7 @@ class Value:
     assumed : str or None
         Reason for an assumed value, which has no source.
     note : str
-        Derivation of the value, if the source does not print it directly.
+        Derivation of the value, if the source does not state it directly.
     """
 
     key: str
@@ -67,7 +67,7 @@ def is_inner(given: Any) -> TypeIs[Plain]:  # noqa: ANN401
 
 
 def read(key: str, given: object) -> Value:
-    """Read ``{ value, source | assumed, note }``.
+    """Read a table ``{ value, source | assumed, note }``.
 
     Raises
     ------
@@ -84,7 +84,7 @@ def read(key: str, given: object) -> Value:
 
 
 def parted(table: Keyed) -> tuple[Plain, dict[str, Value]]:
-    """Split a table into plain values, and a dict of dotted key -> value with its origin.
+    """Split a table into plain values, and values with their origin by dotted key.
 
     Raises
     ------

@@ -66,7 +66,7 @@ def read(
 
 
 def tables_in(path: object, *how: Any) -> Plain:  # noqa: ANN401 - for `read`
-    """Return the tables of a TOML file, or none if the path is not one; further arguments are those of `read`."""
+    """Return the tables of a TOML file, or {} for any other path. Further arguments are those of `read`."""
     if not isinstance(path, str | Path) or Path(path).suffix != ".toml" or not Path(path).is_file():
         return {}
     return read(path, *how)[0]
@@ -78,7 +78,7 @@ def parse(text: str, origin: str, kind: ErrorKind = DescriptionError) -> Plain:
     Raises
     ------
     PneudriveError
-        The text is not TOML, or nested too deep; the message gives the line.
+        The text is not TOML, or is nested too deeply; the message gives the line.
     """
     check_nesting(text, origin, kind)
     try:
@@ -87,7 +87,7 @@ def parse(text: str, origin: str, kind: ErrorKind = DescriptionError) -> Plain:
         what, line = _syntax(str(error), text)
         where, remedy = (
             f"{origin}:{line}",
-            'A quantity is in quotation marks, "25 mm", and a key occurs once in its table.',
+            'Write quantities in quotation marks, "25 mm", and each key once in its table.',
         )
         raise kind(f"the file is not TOML: {what}", where=where, value=_line(text, line), remedy=remedy) from None
     except ValueError as error:  # a whole number of thousands of digits
@@ -170,7 +170,7 @@ def nested(values: Iterable[tuple[str, Any]]) -> Plain:
 def locating(path: str | Path, text: str | None, kind: ErrorKind = DescriptionError) -> Iterator[None]:
     """Add the lines of a file to errors raised in the block, and raise them as errors of `kind`; see `located`.
 
-    None as text stands for no file.
+    Without `text`, the errors get no file and no lines.
     """
     try:
         yield
@@ -185,16 +185,16 @@ def load(
     kind: ErrorKind = DescriptionError,
     **start: str,
 ) -> Made:
-    """Return ``of(tables)`` for the tables of a TOML file. Errors are those of `read`, and those of `of` with lines."""
+    """Return ``of(tables)`` for the tables of a TOML file. Errors of `of` also show file and line."""
     tables, text = read(path, kind, **start)
     with locating(path, text, kind):
         return of(tables)
 
 
 def located(error: DescriptionError, path: str | Path, text: str) -> DescriptionError:
-    """Add file, line and, if the error shows no value, the line's text to an error with a key.
+    """Add file and line to an error with a key. An error without a value also gets the text of the line.
 
-    Its sub-errors also get their lines, and all are sorted by line.
+    Sub-errors also get their lines, and all errors are sorted by line.
     """
     found: list[tuple[int, DescriptionError]] = []
     for one in (one for one in error.each() if isinstance(one, DescriptionError)):
@@ -348,7 +348,7 @@ def _depth(value: object) -> int:
 
 
 def value_text(value: object) -> str:
-    """Write one value: a boolean, a number (including NumPy's), a text, a list or an inline table."""
+    """Write one value: a boolean, a number (also of NumPy), a text, a list or an inline table."""
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, Integral):
@@ -382,7 +382,7 @@ def _line(text: str, number: int) -> str:
 
 
 def _syntax(message: str, text: str) -> tuple[str, int]:
-    """Split the parser's error into text and line; an error at the end of the document has no line."""
+    """Split the parser's error into text and line. An error at the end of the document gets the last line."""
     place = re.search(r"\s*\(at (?:line (\d+), column \d+|end of document)\)", message)
     line = int(place[1]) if place and place[1] else len(text.splitlines())
     what = re.sub(r"\s*\(at [^)]*\)", "", message)

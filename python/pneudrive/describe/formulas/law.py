@@ -48,16 +48,16 @@ class WrittenState(written.WrittenParameter):
 class FrictionLaw(written.Written):
     """Friction law written as formulas.
 
-    Frozen. Formulas are texts in SI. They may contain parameters, states and names of `let`. Further names are ``v``
-    (velocity), ``x`` (position), ``pressure_a`` and ``pressure_b`` (gauge), and ``pi``. `docs/guide/own-law.md` has the
-    whole grammar.
+    A law is frozen. Formulas are texts, and all their quantities are in SI. They may contain parameters, states and
+    names of `let`. Further names are ``v`` (velocity), ``x`` (position), ``pressure_a`` and ``pressure_b`` (gauge), and
+    ``pi``. `docs/guide/own-law.md` has the whole grammar.
 
     Parameters
     ----------
     name : str
         Name in results; not the name of a built-in law.
     force : str
-        Friction force, N, positive if it opposes v > 0. The rate of state ``z`` is ``z_rate``.
+        Formula of the friction force in N, positive if it opposes v > 0. The rate of state ``z`` is ``z_rate``.
     parameters : dict
         Name -> ``{"unit": "N", "above": 0, "default": ..., "meaning": "..."}``. Bounds are ``above``, ``at_least``,
         ``below`` and ``at_most``. Bounds and default are numbers in that SI unit, or quantities with a unit.
@@ -66,10 +66,11 @@ class FrictionLaw(written.Written):
     let : dict
         Name -> formula, evaluated in this order.
     levels : dict
-        Names of the parameters with the roles ``coulomb``, ``breakaway`` and ``viscous``, on which modifiers act. By
-        default, the parameters have these names.
+        Names of the parameters with the roles ``coulomb``, ``breakaway`` and ``viscous``. Modifiers act on these
+        parameters. By default, the parameters have these names.
     energy, slip, steady : str, optional
-        Energy stored in the states, J. Rate of irreversible slip, m/s. Force in steady sliding, N.
+        Formulas of the energy stored in the states in J, of the rate of irreversible slip in m/s, and of the force in
+        steady sliding in N.
     odd : bool
         Whether the force is an odd function of v and all states. This is checked.
     title, source : str

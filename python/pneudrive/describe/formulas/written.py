@@ -116,7 +116,7 @@ class Written(DescribedFile):
             raise invalid(f"let.{misplaced}", "describe.output-under-let", misplaced=misplaced)
         for key in output:
             if key not in outputs:
-                rule = f"it needs {needed}, in {unit}"
+                rule = f"[output] needs {needed}, in {unit}"
                 what = f"output.{key} is not a known key"
                 raise wrong(f"output.{key}", what, rule=rule, remedy=nearest(key, outputs))
         if needed not in output:
@@ -145,7 +145,7 @@ class Written(DescribedFile):
         return out | {key: dict(value) for key in self.plain_tables if (value := getattr(self, key))}
 
     def __hash__(self) -> int:
-        """Return the hash of the text: formulas of equal text are equal."""
+        """Return the hash of the formulas in the core's form."""
         return hash(json.dumps(self.core()))
 
 
@@ -238,7 +238,7 @@ def core_entry(read: str, outputs: tuple[str, ...], *texts: str) -> Plain:
 
 
 def _refused(error: ValueError, outputs: tuple[str, ...]) -> DescriptionError:
-    """Convert an error of the core in formulas to an error with its key."""
+    """Convert an error of the core about formulas to an error with its key."""
     if len(error.args) != 8:
         return DescriptionError(str(error))
     what, key, formula, line, column, shown, caret, remedy = error.args
@@ -260,10 +260,10 @@ COMPONENT_GUIDE, COMPONENT_OUTPUTS = "own-component.md", ("mass_flow", "force")
 
 
 class ComponentFormula(Written):
-    """Formula that is the equation of a component.
+    """Formula of the mass flow or the force of a component.
 
-    Frozen. Formulas are text in SI; ``pneudrive components KIND`` lists the available names, and
-    `docs/guide/own-component.md` has examples.
+    A formula is frozen. It is a text, and all its quantities are in SI. ``pneudrive components KIND`` lists the
+    available names, and `docs/guide/own-component.md` has examples.
 
     Parameters
     ----------
@@ -272,7 +272,7 @@ class ComponentFormula(Written):
     name : str
         Name in messages.
     output : str
-        Formula of the kind's output: a mass flow, kg/s, or a force, N.
+        Formula of the kind's output: a mass flow in kg/s, or a force in N.
     parameters, let, title, source
         As in `pneudrive.FrictionLaw`.
 

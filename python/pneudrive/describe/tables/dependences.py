@@ -39,7 +39,7 @@ class Acting(Described):
 
 
 class SealPressure(Acting):
-    """Pressure dependence of friction: additional friction per gauge pressure of each chamber, N/Pa, with any law."""
+    """Pressure dependence of friction, for any law: additional friction in N per Pa gauge pressure of each chamber."""
 
     table_name: ClassVar[str] = "friction.pressure"
     coulomb_n_pa: Annotated[PerChamber, EachChamber("N/Pa", "N/bar")] = PerChamber(0.0, 0.0)
@@ -47,7 +47,7 @@ class SealPressure(Acting):
 
 
 class Dwell(Acting):
-    """Friction that grows with the age of the contact, with any law: a stop ages it, sliding renews it."""
+    """Friction that grows with the age of the contact, for any law. The contact ages at rest; sliding renews it."""
 
     table_name: ClassVar[str] = "friction.dwell"
     growth: Literal["saturating", "log", "hyperbolic"]
@@ -67,7 +67,7 @@ class Dwell(Acting):
 
 
 class Relaxation(Acting):
-    """Relaxation of the elastic bristle force at rest, with bristle laws. Sliding renews the bristles."""
+    """Relaxation of the elastic bristle force at rest, for laws with bristles. Sliding renews the bristles."""
 
     table_name: ClassVar[str] = "friction.relaxation"
     share: marks.Fraction
@@ -93,9 +93,9 @@ class PositionPoint(Acting):
 
 
 class PositionDependence(Acting):
-    """Friction along the stroke, with any law: amplitudes times [1 + slope (x - reference) + harmonics] and a table.
+    """Friction along the stroke, for any law: amplitudes times [1 + slope (x - reference) + harmonics] times a table.
 
-    The table is a monotone cubic between its points, and constant beyond them.
+    The factor of the table is a monotone cubic between its points, and constant beyond them.
     """
 
     table_name: ClassVar[str] = "friction.position"
@@ -138,7 +138,7 @@ class PositionDependence(Acting):
 
 
 class DirectionDependence(Acting):
-    """Friction that depends on the direction, with any law: factors on the amplitudes for v > 0 and v < 0."""
+    """Friction that depends on the direction, for any law: factors on the amplitudes for v > 0 and v < 0."""
 
     table_name: ClassVar[str] = "friction.direction"
     positive: _Factor = 1.0
@@ -146,7 +146,7 @@ class DirectionDependence(Acting):
 
 
 class SideLoad(Acting):
-    """Lateral force on a guide, with any law. It adds coefficient * |force| to the friction."""
+    """Lateral force on a guide, for any law. It adds coefficient * |force| to the friction."""
 
     table_name: ClassVar[str] = "friction.side_load"
     force_n: marks.Force
@@ -154,7 +154,7 @@ class SideLoad(Acting):
 
 
 class TemperatureDependence(Acting):
-    """Friction that depends on the temperature of the contact, including its own heat, with any law."""
+    """Friction that depends on the temperature of the contact, for any law. Friction itself heats the contact."""
 
     table_name: ClassVar[str] = "friction.temperature"
     reference_k: marks.Temperature
@@ -165,7 +165,7 @@ class TemperatureDependence(Acting):
 
 
 class Wear(Acting):
-    """Friction that changes with the distance slid, with any law: 1 + run_in exp(-s/run_in_distance) + rate s."""
+    """Friction over the slid distance s, for any law: factor 1 + run_in exp(-s/run_in_distance) + rate s."""
 
     table_name: ClassVar[str] = "friction.wear"
     run_in: Annotated[float, Quantity("", bounds=Bounds(above=-1.0))] = 0.0

@@ -26,7 +26,7 @@ _FRICTION = "cylinder.friction.parameters."
 
 @dataclass(frozen=True)
 class Derived:
-    """Value derived from others.
+    """Value derived from other values.
 
     Attributes
     ----------
@@ -35,9 +35,9 @@ class Derived:
     path : str
         Path in the circuit of the drive.
     sources : tuple of str
-        Paths of the values on which it depends. These may be derived, too.
+        Paths of the values on which it depends. These may also be derived.
     value : callable
-        Function of the sources' values, SI.
+        Function of the sources' values in SI.
     digits : int or None
         Significant digits of the value in a description.
     """
@@ -50,7 +50,7 @@ class Derived:
 
 
 def derived(drive: Drive) -> Iterator[Derived]:
-    """Yield the derived values of a drive. Each comes after the values on which it depends.
+    """Yield the derived values of a drive. Each value comes after the values on which it depends.
 
     Examples
     --------
@@ -74,7 +74,7 @@ def derived(drive: Drive) -> Iterator[Derived]:
 
 
 def derived_in_circuit(circuit: Circuit) -> Iterator[Derived]:
-    """Yield the numbers of a circuit that follow from others: gauge pressures, and conductances from other sizes."""
+    """Yield the derived numbers of a circuit: pressures given as gauge, and conductances given by other sizes."""
     for name, one in circuit.components.items():
         for key in (parameter["key"] for parameter in one.entry["parameters"]):
             value, *sizes = (getattr(one, one.fields[size]) for size in flow_keys(one.entry, key))

@@ -34,7 +34,7 @@ def friction_laws() -> MappingProxyType[str, Plain]:
 
 
 def options_of(entry: Keyed) -> dict[str, bool]:
-    """Return whether a law takes each choice and modifier that only some laws take, by its entry.
+    """Return whether a law, given by its entry, takes each of the options that only some laws take.
 
     A Stribeck curve has a selectable shape. Elastic bristles can relax.
     """
@@ -103,7 +103,7 @@ def _as_assumed(value: float) -> float:
 
 
 def _following(known: NamedNumbers) -> NamedNumbers:
-    """Add derived values to the known ones."""
+    """Return the parameters of `_FOLLOWS`: known values, and otherwise derived values."""
     out = dict(known)
     for key, (sources, value) in _FOLLOWS.items():
         if key not in out and (key != "damping_fade_velocity" or out["bristle_damping"] > 0.0):
@@ -114,7 +114,7 @@ def _following(known: NamedNumbers) -> NamedNumbers:
 def assumed_from(friction: Friction) -> dict[str, tuple[tuple[str, ...], Callable[..., float]]]:
     """Return the parameters that have their assumed value, with sources and rule of each.
 
-    A parameter counts as assumed if it equals its rule. This also works for a file that contains the assumed values.
+    A parameter is treated as assumed if it has the value of its rule. A file may therefore contain assumed values.
     """
     if friction.law != DEFAULT_LAW:
         return {}
@@ -150,8 +150,8 @@ def by_default(data: Plain) -> tuple[Plain, Plain]:
     Returns
     -------
     tuple of dict
-        The table with law, stribeck_velocity, bristle_stiffness, bristle_damping and damping_fade_velocity; and its
-        assumed entries.
+        The table with law, stribeck_velocity, viscous, bristle_stiffness, bristle_damping and damping_fade_velocity;
+        and its assumed entries.
 
     Warns
     -----
@@ -167,7 +167,7 @@ def by_default(data: Plain) -> tuple[Plain, Plain]:
         known = {key: quantities[key].read(data[key]) for key in ("coulomb", "breakaway", *_FOLLOWS) if key in data}
     except DescriptionError:
         return out, law  # so are wrong values
-    assumed = {"stribeck_velocity": _STRIBECK_VELOCITY_M_S} | _following(known)
+    assumed = {"stribeck_velocity": _STRIBECK_VELOCITY_M_S, "viscous": 0.0} | _following(known)
     rounded = {key: _as_assumed(value) for key, value in assumed.items() if key not in data}
     shown = {key: quantities[key].show(value) for key, value in rounded.items()}
     listed = ", ".join(f'{key} = "{value}"' for key, value in shown.items())
@@ -182,8 +182,8 @@ class Friction(Described):
     Parameters are keys, ``Friction(law="stribeck", coulomb="30 N", ...)``, and attributes: ``friction.coulomb`` shows
     ``30 N``. `parameters` holds their plain SI values, including defaults of the law. `law` is a law of the core, a
     `FrictionLaw`, or ``file:my_law.toml``; for a custom law, `formula` is the law itself. Without a law, `DEFAULT_LAW`
-    is used and its parameters other than Coulomb and breakaway force are assumed, with a `PneudriveWarning`; `assumed`
-    lists them.
+    is used. Its parameters other than Coulomb and breakaway force are then assumed, with a `PneudriveWarning`, and
+    `assumed` lists these parameters.
     """
 
     table_name: ClassVar[str] = "friction"
@@ -205,7 +205,7 @@ class Friction(Described):
 
     @property
     def parameters(self) -> Mapping[str, float]:
-        """Parameters of the law in SI by their keys, including its defaults."""
+        """Parameters of the law in SI by key, including defaults."""
         return MappingProxyType(dict(self.values))
 
     @model_validator(mode="before")
@@ -219,7 +219,7 @@ class Friction(Described):
         if own is not None:
             name = own.name
         elif not isinstance(name, str) or name not in laws:
-            remedy = f'{nearest(str(name), laws)} A custom law is "{FILE_PREFIX}NAME.toml".'
+            remedy = f'{nearest(str(name), laws)} For a custom law, write "{FILE_PREFIX}NAME.toml".'
             raise wrong("friction.law", f'friction.law = "{name}" is not known', remedy=remedy)
         entry = laws[name] if own is None else own.entry
         parameters = {p["key"]: p for p in entry["parameters"]}
@@ -231,7 +231,7 @@ class Friction(Described):
                 takes = options_of(entry)
                 known = ["law", *parameters, *(one for one in (*CHOICES, *DEPENDENCES) if takes.get(one, True))]
                 owners = [law for law, about in laws.items() if key in {p["key"] for p in about["parameters"]}]
-                remedy = f"It belongs to {', '.join(owners)}." if owners else nearest(key, known)
+                remedy = f"Laws with this key: {', '.join(owners)}." if owners else nearest(key, known)
                 raise wrong(full, f'{full} is not a known key of law "{name}"', remedy=remedy)
             values[key] = parameter_quantity(parameters[key]).read_at(full, given)
         for key, parameter in parameters.items():
@@ -273,7 +273,7 @@ class Friction(Described):
 
     @property
     def note(self) -> str:
-        """Warning for a table without a law, to follow the table's name; empty for a table with a law."""
+        """Warning for a table without a law, without the name of the table; empty for a table with a law."""
         listed = ", ".join(f"{key} = {value}" for key, value in self.assumed)
         return f"names no law; assumed: {listed}" if listed else ""
 
@@ -301,7 +301,7 @@ class Friction(Described):
         elif not 2 <= len(self.elements) <= MOST_ELEMENTS:
             raise wrong(key, f"{key} has {len(self.elements)} entries", rule=f"2 to {MOST_ELEMENTS}")
         elif abs(total - 1.0) > SHARES_WITHIN:
-            raise wrong(key, f"the values `share` of {key} add up to {total:g}", rule="their sum must be 1")
+            raise wrong(key, f"the shares in {key} add up to {total:g}", rule="the sum of the shares must be 1")
         if self.evolution is not None and not takes["evolution"]:
             raise invalid("friction.evolution", "describe.no-evolution", law=self.law)
         if self.relaxation is not None and not takes["relaxation"]:
@@ -328,7 +328,7 @@ class Friction(Described):
         return friction_laws()[self.law] if self.formula is None else self.formula.entry
 
     def _given(self, keys: Iterable[str]) -> Plain:
-        """Return those of these choices or modifiers that are given."""
+        """Return those of the choices or modifiers `keys` that are given."""
         return {key: value for key in keys if (value := getattr(self, key)) not in (None, ())}
 
     def core(self) -> Plain:
@@ -340,7 +340,7 @@ class Friction(Described):
         return law | formula | self._given(CHOICES[:2]) | elements | tables
 
     def to_dict(self) -> Plain:
-        """Write the table as users would."""
+        """Return the table in the form that users write."""
         given = (entry for entry in self.entries() if entry[0] not in self.parameters or entry[0] in self.given)
         out = {key: as_tables(value, mark) for key, value, mark in given}
         return out if self.formula is None else out | {"law": self.formula.to_dict()}

@@ -26,7 +26,7 @@ def piston_areas(kind: str, bore_m: float, rod_diameter_m: float) -> Pair:
     kind : str
         One of `KINDS`; the rod of a ``single-rod`` cylinder is in chamber b.
     bore_m, rod_diameter_m : float
-        Diameters, m; a kind without a rod ignores the rod diameter.
+        Diameters in m. For a kind without a rod, the rod diameter has no effect.
 
     Examples
     --------
@@ -39,20 +39,20 @@ def piston_areas(kind: str, bore_m: float, rod_diameter_m: float) -> Pair:
 
 
 def double_acting(core_json: str) -> dict[str, Plain]:
-    """Return each double-acting cylinder of a circuit in the core's form, by its name."""
+    """Return the double-acting cylinders of a circuit in the core's form, by name."""
     kinds = {f"cylinder/{kind}" for kind in KINDS}
     return {one["name"]: one for one in json.loads(core_json)["components"] if one["kind"] in kinds}
 
 
 def chamber_volumes(cylinder: Plain, position_m: Array) -> ArrayPair:
-    """Return the volumes of chambers a and b, m3: dead volume and the free volume of the stroke.
+    """Return the volumes of chambers a and b in m3: dead volume plus swept volume.
 
     Parameters
     ----------
     cylinder : dict
         Cylinder in the core's form.
     position_m : ndarray
-        Position of the piston, m. Chamber a grows with it.
+        Position of the piston in m. Chamber a grows with the position.
     """
     of = cylinder["numbers"]
     a, b = piston_areas(cylinder["kind"].partition("/")[2], of["bore"], of["rod_diameter"])

@@ -34,7 +34,7 @@ CAPACITY_CELSIUS: list[float] = _TABLE["capacity_celsius"]
 
 
 def anr_density_kg_m3(heat_capacity_ratio: float, gas_constant: float) -> float:
-    """Return the density of a gas at the standard reference atmosphere, kg/m3. Air is humid in this state.
+    """Return the density of a gas in kg/m3 at the standard reference atmosphere. Air is humid in this state.
 
     The core's conductances refer to the same densities.
     """
@@ -73,7 +73,7 @@ class Gas(Described):
     @model_validator(mode="after")
     def _one_gas(self) -> Gas:
         if self.model == "virial" and self.name not in VIRIAL:
-            what = f'gas.model = "virial" has no coefficient for {self.name or "a gas given by numbers"}'
+            what = f'gas.model = "virial" has no coefficients for {self.name or "a gas given by numbers"}'
             raise wrong("gas.model", what, rule=f"known for {', '.join(VIRIAL)}", remedy='Use gas.model = "ideal".')
         if self.name is None:
             return self
@@ -83,14 +83,14 @@ class Gas(Described):
                 raise invalid(f"gas.{key}", "describe.gas-twice", key=key, given=value, known=known, name=self.name)
         if self.name == "carbon-dioxide" and self.model == "ideal":
             warn(
-                "carbon dioxide as an ideal gas: its pressure is 3.7 % too high at 7 bar and 20 degC, "
-                '5.3 % at 10 bar; gas.model = "virial" corrects this'
+                "the ideal gas model gives a pressure of carbon dioxide that is 3.7 % too high at 7 bar and 20 degC, "
+                'and 5.3 % too high at 10 bar; gas.model = "virial" corrects this'
             )
         return self
 
     @property
     def anr_density_kg_m3(self) -> float:
-        """Density at the standard reference atmosphere, kg/m3."""
+        """Density in kg/m3 at the standard reference atmosphere."""
         return anr_density_kg_m3(self.heat_capacity_ratio, self.gas_constant_j_kg_k)
 
     def core(self) -> Plain:
@@ -103,7 +103,7 @@ class Gas(Described):
         return out | {"virial": {"a_m3_kg": a * per_kg, "b_m3_kg": b * per_kg, "c_k": c}}
 
     def dew_point_pressure_pa(self, ambient_pa: float, supply_pa: float | None) -> float | None:
-        """Return the absolute pressure of the dew point, Pa; None without a dew point.
+        """Return the absolute pressure in Pa at which the dew point is given; None without a dew point.
 
         Raises
         ------
@@ -113,7 +113,7 @@ class Gas(Described):
         key, stated = "gas.dew_point_pressure", self.dew_point_pressure
         if self.dew_point_k is None:
             if stated is not None:
-                raise wrong(key, f"{key} = {stated} has no effect without gas.dew_point", remedy="Add dew_point.")
+                raise wrong(key, f"{key} = {stated} has no effect without gas.dew_point", remedy="Add gas.dew_point.")
             return None
         if stated is not None:
             return marks.absolute_above_vacuum(stated, ambient_pa, key, f"{key} = {stated}")
@@ -133,7 +133,7 @@ class Ambient(Described):
 
     @property
     def pressure_pa(self) -> float:
-        """Absolute pressure, Pa."""
+        """Absolute pressure in Pa."""
         return self.pressure.value_pa
 
     def core(self) -> NamedNumbers:
@@ -142,14 +142,14 @@ class Ambient(Described):
 
 
 class Supply(Described):
-    """Supply at the valve's inlet; its default temperature is ambient."""
+    """Supply at the inlet of the valve. The default temperature is the ambient temperature."""
 
     table_name: ClassVar[str] = "supply"
     pressure: Annotated[units.Pressure, marks.StatedPressure()]
     temperature_k: MaybeTemperature = None
 
     def core(self, ambient: Ambient) -> NamedNumbers:
-        """Return the table in the core's form, in SI; missing values are ambient."""
+        """Return the table in the core's form, in SI. A missing temperature is the ambient temperature."""
         temperature = ambient.temperature_k if self.temperature_k is None else self.temperature_k
         return {"pressure_pa": self.pressure.absolute_pa(ambient.pressure_pa), "temperature_k": temperature}
 
@@ -173,7 +173,7 @@ class _DrivePart(Described):
 class EndStop(Described):
     """Contact with the end cover.
 
-    force = stiffness * depth + damping * min(depth / damping_depth, 1) * closing speed, never pulling.
+    force = stiffness * depth + damping * min(depth / damping_depth, 1) * closing speed. The force never pulls.
     Missing values follow from the drive (docs/theory/end_stops.md), and `Drive.end_stop` shows them. The contact is
     stiff enough that a usual drive does not penetrate a cover.
     """
@@ -185,12 +185,12 @@ class EndStop(Described):
 
 
 def assumed_stops(prefix: str, given: Collection[str], stops: tuple[Sequence[float], Sequence[float]]) -> list[str]:
-    """Return the assumed values of end stops that a description leaves open, each with its reason.
+    """Return the assumed values of end stops that a description does not give, each with its reason.
 
     Parameters
     ----------
     prefix : str
-        Prefix of their keys, ``"cylinder.end_stop."``.
+        Prefix of the keys, ``"cylinder.end_stop."``.
     given : collection of str
         Keys that the description gives: ``"stiffness"``, ``"damping"``, ``"damping_depth"``.
     stops : tuple
@@ -200,7 +200,7 @@ def assumed_stops(prefix: str, given: Collection[str], stops: tuple[Sequence[flo
     Returns
     -------
     list of str
-        ``key = value, reason``.
+        Lines ``key = value, reason``.
     """
     (stiffness, damping, damping_depth), (mass, speed, force, depth) = stops
     taken = f"a mass of {mass:.3g} kg at {speed:.3g} m/s, driven by {force:.3g} N, stops in {1e3 * depth:.3g} mm"
@@ -229,7 +229,7 @@ class Cylinder(_DrivePart):
     is assumed to be 0.2.
 
     The heat transfer to the walls follows from a law [woodfield2007, geankoplis1993]. `heat_transfer_scale` multiplies
-    the law, which is accurate to a factor of 2. `port_diameter` is the bore of the ports. Its default is that of a
+    the law, which is accurate to a factor of 2. `port_diameter` is the bore of the ports. The default is the bore of a
     nozzle with the conductance of the valve. A stated `heat_transfer` is a constant coefficient that replaces the law.
     The dead volumes then have no wall.
     """
@@ -257,7 +257,7 @@ class Cylinder(_DrivePart):
         return self
 
     def core(self, ambient_k: float) -> Plain:
-        """Return the table in the core's form, in SI; without leakage its key is left out."""
+        """Return the table in the core's form, in SI. A leakage of 0 is left out."""
         out: Plain = {"rod_diameter_m": 0.0, "wall_temperature_k": ambient_k} | self.stored()
         a, b = out.pop("dead_volume_m3")
         out |= {"dead_volume_a_m3": a, "dead_volume_b_m3": b, "end_stop": self.end_stop.stored()}
@@ -267,12 +267,12 @@ class Cylinder(_DrivePart):
 
     @property
     def area_a_m2(self) -> float:
-        """Piston area on the side of chamber a, m2."""
+        """Piston area in m2 on the side of chamber a."""
         return self._areas[0]
 
     @property
     def area_b_m2(self) -> float:
-        """Piston area on the side of chamber b, m2."""
+        """Piston area in m2 on the side of chamber b."""
         return self._areas[1]
 
     @property
@@ -281,10 +281,10 @@ class Cylinder(_DrivePart):
 
 
 class FlowCoefficient(Quantity):
-    """Annotation of a flow coefficient: a pure number, or a number with its name as unit ("0.9 Cv")."""
+    """Annotation of a flow coefficient: a number, or a number with the coefficient's name as unit ("0.9 Cv")."""
 
     def read(self, given: object) -> float:
-        """Convert and check."""
+        """Convert and check a flow coefficient."""
         if isinstance(given, str) and given.split()[1:] in (["Kv"], ["Cv"], ["m3/h"]):
             text, unit = given.split()
             if (unit in {"Kv", "m3/h"}) != (self.written == "Kv"):
@@ -313,7 +313,7 @@ class Valve(_DrivePart):
     A command u > 0 opens supply -> a and b -> exhaust with the fraction u of the conductance. u < 0 opens supply -> b
     and a -> exhaust. A valve of kind "switching-5/3" has the commands -1, 0 and 1 only. `time_on` and `time_off` are
     its times from the command to the middle of the travel. `command` is the range of the electrical input, for commands
-    in V or mA; its ends are u = -1 and 1. `overlap` is the fraction of the command up to which an edge stays shut,
+    in V or mA; its ends are u = -1 and 1. `overlap` is the fraction of the command up to which an edge stays closed,
     negative for an edge that is open in the centre. `leakage` is the fraction of the conductance that leaks past each
     edge in the centre. The size is given in exactly one way: conductance C (ISO 6358), nominal_flow (6 to 5 bar gauge),
     kv or cv.
@@ -376,12 +376,12 @@ class Valve(_DrivePart):
 
     @property
     def conductance_m3_s_pa(self) -> float:
-        """Sonic conductance C for air at full opening, m3/(s Pa)."""
+        """Sonic conductance C in m3/(s Pa) for air at full opening."""
         return valve_flow.conductance_of(self._sizes(), self.critical_pressure_ratio, self.subsonic_index)
 
 
 class Spring(Described):
-    """Linear spring between load and ground; it pushes in +x below its rest position."""
+    """Linear spring between load and ground. Below its rest position, it pushes the load in +x."""
 
     table_name: ClassVar[str] = "load.spring"
     stiffness_n_m: marks.Stiffness
@@ -402,7 +402,7 @@ class Initial(Described):
     """State at the start of a run.
 
     Defaults: mid stroke, at rest, ambient pressure and temperature, bristles undeflected, a fresh contact.
-    `contact_age` is the age of the contact, for friction that grows with it.
+    `contact_age` is the age of the contact, for friction that grows with this age.
     """
 
     table_name: ClassVar[str] = "initial"

@@ -1,4 +1,4 @@
-"""Start state of a circuit: given values, and derived values for the rest."""
+"""Start state of a circuit: given values, and derived values for all others."""
 
 from __future__ import annotations
 
@@ -42,12 +42,12 @@ def coordinate_keys(platform: Platform) -> list[str]:
 
 
 def is_length(platform: Platform) -> list[bool]:
-    """Return whether each coordinate of a platform is a displacement, m, rather than an angle."""
+    """Return for each coordinate of a platform whether it is a displacement (True) or an angle (False)."""
     return [name.endswith(_METRES) for name in platform.coordinates]
 
 
 def coordinates(platform: Platform, pose: Array) -> Array:
-    """Convert displacements, m, and angles, rad, to coordinates of the core. A coordinate e means a tilt of 2 asin(e).
+    """Convert displacements (m) and angles (rad) to coordinates of the core. A coordinate e is a tilt of 2 asin(e).
 
     Parameters
     ----------
@@ -58,7 +58,7 @@ def coordinates(platform: Platform, pose: Array) -> Array:
 
 
 def angles(platform: Platform, q: Array) -> Array:
-    """Convert coordinates of the core to displacements, m, and angles, rad."""
+    """Convert coordinates of the core to displacements (m) and angles (rad)."""
     lengths = is_length(platform)
     return np.where(lengths, q, 2.0 * np.arcsin(np.where(lengths, 0.0, q)))
 
@@ -110,7 +110,7 @@ class Starts:
     Parameters
     ----------
     circuit : Circuit
-        The core has the names of its start values: ``left.position_m``, ``left.a.pressure_pa``.
+        Circuit whose start values have names as in the core: ``left.position_m``, ``left.a.pressure_pa``.
     """
 
     def __init__(self, circuit: Any) -> None:  # noqa: ANN401 - the module of circuits imports this one
@@ -145,7 +145,7 @@ class Starts:
                 return
 
     def values(self, *given: Keyed) -> tuple[NamedNumbers, list[str]]:
-        """Return all start values in SI, and notes on the assumed ones.
+        """Return all start values in SI, and notes on the assumed values.
 
         Parameters
         ----------
@@ -188,7 +188,7 @@ class Starts:
         return out, notes
 
     def _take_poses(self, table: Keyed, poses: dict[str, dict[int, float]]) -> None:
-        """Read the poses of one table into `poses`: platform -> number of a coordinate -> m or rad.
+        """Read the poses of one table into `poses`: platform -> number of a coordinate -> value in m or rad.
 
         Poses or leg positions of a later table replace earlier ones.
 
@@ -211,7 +211,7 @@ class Starts:
             poses[name] = poses.get(name, {}) | pose
 
     def _legs_in(self, platform: Platform, given: Mapping[int, float]) -> NamedNumbers:
-        """Return the positions of the legs in a pose, m, by the name of the start value.
+        """Return the positions of the legs in a pose, in m, by name of the start value.
 
         Coordinates that are not given follow from the default positions of the legs.
 
@@ -256,9 +256,9 @@ class Starts:
         ----------
         platform : Platform
         starts : mapping
-            All start values, SI.
+            All start values in SI.
         pose_given : mapping
-            Given coordinates, m or rad, by their number.
+            Given coordinates in m or rad, by number.
         given : set of str
             Keys of the start values that a user has given.
 
@@ -292,7 +292,7 @@ class Starts:
             )
         if any(abs(pose[k] - value) > SAME for k, value in pose_given.items()):
             is_delta = platform.coordinates[0] == "x_m" and len(platform.joints[2]) > 0
-            remedy = f"Write the pose into [initial] of the file, or near = {{ z = ... }} at {platform.name}."
+            remedy = f"Write the pose in [initial] of the file, or near = {{ z = ... }} in the table {platform.name}."
             raise invalid(key, "describe.second-pose", remedy=remedy if is_delta else None, **about)
         least = float(singular_values(platform, q)[0, -1])
         if not least > SINGULAR:
@@ -305,7 +305,7 @@ class Starts:
             return absolute_above_vacuum(value, self.ambient.pressure_pa, f"initial.{key}", f"{key} = {value}")
         stroke = self._stroke(of) if last == POSITION else None
         if stroke is not None and not 0.0 <= value <= stroke:
-            what = f"{key} = {value * 1e3:g} mm lies outside the stroke"
+            what = f"{key} = {value * 1e3:g} mm is outside the stroke"
             raise wrong(f"initial.{key}", what, rule=f"0 mm <= position <= {of}.stroke = {stroke * 1e3:g} mm")
         return value
 
@@ -342,7 +342,7 @@ class Starts:
                 found += [one.component for one in joint.ports if one.component not in found] if joint else []
 
     def _pressure(self, of: str, known: NamedNumbers, notes: list[str]) -> float:
-        """Return the settled pressure of gas: the nearest known pressure along paths that are always open."""
+        """Return the start pressure of gas: the nearest known pressure along paths that are always open, or ambient."""
         always = {name for name, one in self.components.items() if one.entry["open"]}
         found = [self.places[of]] if of in self.places else []
         if not found:  # a cell within a component, reached from its first port: the note of the joint covers it
@@ -373,7 +373,7 @@ def _key(name: str) -> str:
 
 
 def start_mark(last: str) -> tuple[str, Quantity | StatedPressure]:
-    """Return the key and the annotation of a start value by the last part of its name. The default is a pure number."""
+    """Return the key and the annotation of a start value by the last part of its name. Other names have no unit."""
     return _MARKS.get(last, (last, Quantity("")))
 
 
@@ -389,7 +389,7 @@ def read_initial(given: StartState) -> Initial | None:
     CommandError
         The argument has another type, or an entry of a text is not ``key = quantity`` or is repeated.
     DescriptionError
-        Unknown key, or a quantity of another dimension.
+        A key is unknown, or a quantity has another dimension.
 
     Examples
     --------
@@ -421,7 +421,7 @@ def start_values(given: object) -> Keyed:
 
 
 def start_table(given: object) -> Keyed:
-    """Return a start state of a drive or a circuit as a table, in the form in which it was given."""
+    """Return a start state of a drive or a circuit as a table, with the given keys and quantities."""
     return given.to_dict() if hasattr(given, "to_dict") else start_values(given)  # type: ignore[union-attr]
 
 
@@ -439,13 +439,13 @@ def _entries(text: str) -> dict[str, str]:
 
 
 def start_state(start: Initial, stroke_m: Any, ambient_pa: Any, ambient_k: Any) -> Plain:  # noqa: ANN401
-    """Return a start state in SI, with absolute pressures, by the names of a drive. Arrays describe many drives.
+    """Return a start state in SI, with absolute pressures, by the names of a drive. Arrays stand for many drives.
 
     Parameters
     ----------
     start : Initial
     stroke_m, ambient_pa, ambient_k : float or ndarray
-        Stroke, m, and ambient pressure, Pa absolute, and temperature, K.
+        Stroke in m, absolute ambient pressure in Pa, and ambient temperature in K.
     """
 
     def or_else(value: float | None, otherwise: Any) -> Any:  # noqa: ANN401

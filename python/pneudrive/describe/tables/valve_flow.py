@@ -23,8 +23,8 @@ def conductance_from_nominal_flow(flow_m3_s_anr: float, b: float, m: float) -> f
     """Return C in m3/(s Pa) from the flow at 6 bar gauge before and 5 bar gauge after the valve, at 20 degC.
 
     q = C p1 [1 - ((r - b)/(1 - b))^2]^m with p1 = 7 bar, r = 6/7. Gauge pressure and flow both refer to the 100 kPa of
-    the reference atmosphere [iso6358-2013, iso8778-2003]. Catalogues that print C, b and the nominal flow agree to the
-    litre [smc-eus11-83].
+    the reference atmosphere [iso6358-2013, iso8778-2003]. Catalogues that print C, b and the nominal flow agree within
+    1 l/min [smc-eus11-83].
     """
     upstream, downstream = 6.0 * BAR_PA + constants.ANR_PRESSURE_PA, 5.0 * BAR_PA + constants.ANR_PRESSURE_PA
     return flow_m3_s_anr / (upstream * _core.flow_ratio(downstream / upstream, b, m))
@@ -61,7 +61,7 @@ def size_given(sizes: Sequence[float | None], keys: Sequence[str], of: str) -> N
     sizes : sequence of float or None
         Sizes in the order of `FLOW_KEYS`.
     keys : sequence of str
-        Their keys in the table.
+        Keys of the sizes in the table.
     of : str
         Prefix of the keys: the table and a dot, or empty.
 
@@ -78,7 +78,7 @@ def size_given(sizes: Sequence[float | None], keys: Sequence[str], of: str) -> N
 
 
 def check_shape(table: str, critical_pressure_ratio: float, linear_above: float) -> None:
-    """Check that the flow of a table's path becomes linear above its critical pressure ratio only.
+    """Check that the flow of a path becomes linear only above the critical pressure ratio.
 
     Raises
     ------
@@ -90,7 +90,7 @@ def check_shape(table: str, critical_pressure_ratio: float, linear_above: float)
 
 
 def conductance_of(sizes: Sequence[float | None], b: float, m: float) -> float:
-    """Return C in m3/(s Pa) from the given size; `sizes` are in the order of `FLOW_KEYS`."""
+    """Return C in m3/(s Pa) from the given size. `sizes` are in the order of `FLOW_KEYS`."""
     c, flow, kv, cv = sizes
     if c is not None:
         return c

@@ -53,7 +53,7 @@ def campaign_friction(
     progress: Progress | None = None,
     cancel: Flag | None = None,
 ) -> CampaignCharacteristics:
-    """Characterise a campaign.
+    """Characterise the friction of a campaign: curves, effects and stops.
 
     Parameters
     ----------
@@ -118,7 +118,7 @@ def characterise(
     -------
     xarray.Dataset
         One dimension ``row`` (recording or cycle, speed level, direction); every variable has its unit. The map of
-        a campaign has further columns: its 95 % band and the levels of the plan.
+        a campaign has further columns: the 95 % band and the levels of the plan.
 
     Raises
     ------
@@ -197,7 +197,7 @@ def _characterise(reading: CampaignData, choice: SampleChoice) -> CampaignCharac
 
 
 def _loops(reading: CampaignData, points: CurvePoints, choice: SampleChoice) -> Iterator[Loop]:
-    """Return friction loops without offset: of a slow, a middle and a fast cycle at the first conditions."""
+    """Return friction loops without offset for a slow, a middle and a fast cycle at each of the first conditions."""
     for index in range(SHOWN_CONDITIONS if reading.files else 0):
         rows = np.flatnonzero((points["curve"] == index) & (points["set_speed_m_s"] > 0))
         levels = np.unique(points["level"][rows])
@@ -310,12 +310,12 @@ def dependences_of(found: CampaignCharacteristics, viscous_n_s_m: float, levels:
 
 
 def _written(estimates: Mapping[str, Estimate]) -> dict[str, object]:
-    """Return values for a drive file; those without a unit are numbers."""
+    """Return the values as a drive file states them: numbers, or texts with a unit."""
     return {n: round(e.value, 6) if e.unit == "1" else f"{e.value:.6g} {e.unit}" for n, e in estimates.items()}
 
 
 def _weighted(estimates: list[Estimate]) -> Estimate:
-    """Return the mean of estimates, each weighted by its variance."""
+    """Return the mean of estimates, weighted by the inverse of their variances."""
     weights = np.array([1.0 / max(one.stderr, 1e-300) ** 2 for one in estimates])
     value = float(weights @ [one.value for one in estimates] / weights.sum())
     freedom = max(one.degrees_of_freedom for one in estimates)
@@ -328,7 +328,7 @@ def _weighted(estimates: list[Estimate]) -> Estimate:
 def _direction(
     found: CampaignCharacteristics, viscous_n_s_m: float, levels: tuple[str, str, str], notes: list[str]
 ) -> Iterator[Part]:
-    """Return the factors on the levels in +x and -x: half the difference of both directions over the mean level."""
+    """Return the factors on the levels in +x and -x: 1 plus or minus half the relative difference of directions."""
     own, shares = [one for one in found.asymmetry if one.condition.levels == levels], []
     both = {curve.condition: curve for curve in found.curves if curve.direction == BOTH}
     for one in (one for one in own if one.basis == "tare"):
@@ -462,7 +462,7 @@ NO_POINTS = ("stick_slip", "speed_ripple", "force_swing", "saturated", "unpaired
 
 
 def fit_campaign(found: CampaignCharacteristics) -> tuple[GroupFits, list[str]]:
-    """Fit laws to the map of a campaign.
+    """Fit friction laws to the map of a campaign, and add the friction modifiers that the campaign measured.
 
     Parameters
     ----------
@@ -486,9 +486,9 @@ def fit_campaign(found: CampaignCharacteristics) -> tuple[GroupFits, list[str]]:
 
 
 def with_dependences(fit: FrictionFit, found: CampaignCharacteristics, part: xr.Dataset) -> FrictionFit:
-    """Return a fit of rows of a campaign's map with the friction modifiers that the campaign measured.
+    """Return a fit with the friction modifiers that the campaign measured. `part` has the fitted rows of the map.
 
-    Rows of several sets of mounting, seal and drive have no common modifiers; a note then reports this.
+    Rows of several sets of mounting, seal and drive have no common modifiers, and a note reports this.
     """
     sets = set(zip(*(part[name].to_numpy().tolist() for name in LEVELS), strict=True))
     if len(sets) > 1:

@@ -78,7 +78,7 @@ def _checks(both: Both) -> Iterator[Check]:
 
 
 def _shared(found: CampaignCharacteristics) -> dict[str, str | float | None]:
-    """Return the compared values; NaN if not measured."""
+    """Return the values to compare; NaN for a value that was not measured."""
     rig, stated = found.identity, found.about.get("filter")
     rates = found.stops["sample_rate_hz"].to_numpy() if len(found.stops) else np.zeros(0)
     rates = rates[np.isfinite(rates)]
@@ -120,17 +120,17 @@ class CurveComparison:
         drive. Forces are the means of each campaign. ``corrected_p`` is the probability of the difference after Holm's
         correction for the number of points [holm1979].
     left_out : int
-        Number of further common points.
+        Number of common points that were not tested.
     several_blocks : bool
         Whether both campaigns have more than one block: the tests then include differences of blocks.
     difference : tuple of Estimate
         Relative difference of friction at each common point.
     mean : Estimate
-        Mean difference over the common points, relative.
+        Relative mean difference over the common points.
     shape : FTest
-        Probability for the difference over all speeds: level, slope and bend together.
+        Test of the difference over all speeds: level, slope and bend together.
     pressure : FTest or None
-        Probability for a difference in the effect of pressure.
+        Test of the difference in the effect of pressure.
     """
 
     cycles: pl.DataFrame
@@ -144,7 +144,7 @@ class CurveComparison:
 
     @property
     def friction_n(self) -> Array:
-        """Mean of each campaign at the points, shape (2, m)."""
+        """Mean friction (2, m) of each campaign at the points."""
         return self.points.select("first_n", "second_n").to_numpy().T
 
 
@@ -162,7 +162,7 @@ def compare_curves(
     Returns
     -------
     CurveComparison or str
-        A string gives the reason if they cannot be compared.
+        A text with the reason if the curves cannot be compared.
     """
     cycles, points, left_out = _common_points((first, second))
     m, parts = points.height, cycles.partition_by("campaign")
@@ -223,7 +223,7 @@ def _scatter(table: pl.DataFrame, blocks: Array) -> Iterator[RandomEffect]:
 
 
 def holm(p: Array) -> Array:
-    """Correct probabilities for their number (Holm) [holm1979].
+    """Correct p-values for the number of tests by Holm's method [holm1979].
 
     Examples
     --------
@@ -236,7 +236,7 @@ def holm(p: Array) -> Array:
 
 
 def _common_points(both: Both) -> tuple[pl.DataFrame, pl.DataFrame, int]:
-    """Return the cycles at speeds and pressures that both campaigns have, these points, and the number left out."""
+    """Return the cycles at points that both campaigns have, these points, and the number of points left out."""
     cycles = pl.concat([_usable(found, k) for k, found in enumerate(both)])
     titles = [set(cycles.filter(campaign=k)["title"]) for k in (0, 1)]
     if not titles[0] & titles[1] or max(map(len, titles)) == 1:  # levels in common are no question
@@ -294,7 +294,7 @@ class Test:
     p : float
         Probability of such a large difference by chance. NaN without a test.
     adjusted_p : float
-        After Holm's correction for the number of tests.
+        `p` after Holm's correction for the number of tests.
     different : bool
     note : str
     """
@@ -309,7 +309,7 @@ class Test:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Comparison(Viewed):
-    """Two campaigns, compared.
+    """Comparison of two campaigns: checks, tests and cautions.
 
     Attributes
     ----------
@@ -332,7 +332,7 @@ class Comparison(Viewed):
 
     @property
     def different(self) -> bool:
-        """Whether any test is different."""
+        """Whether any test shows a difference."""
         return any(test.different for test in self.tests)
 
     def view(self) -> View:
@@ -353,7 +353,7 @@ class Comparison(Viewed):
 
 
 def compare_campaigns(first: CampaignCharacteristics, second: CampaignCharacteristics) -> Comparison:
-    """Compare two campaigns.
+    """Compare sliding friction, stops and drift of two campaigns by statistical tests.
 
     Parameters
     ----------

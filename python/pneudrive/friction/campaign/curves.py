@@ -54,7 +54,7 @@ OWN_SHARE = 0.8
 
 @dataclass(frozen=True, eq=False)
 class Fits:
-    """The models behind the curves.
+    """The fitted models from which the curves are computed.
 
     Attributes
     ----------
@@ -103,12 +103,12 @@ class Fits:
 
     @property
     def level_n(self) -> float:
-        """Mean friction of the points, N."""
+        """Mean friction of the points, in N."""
         return self.points["friction_n"][self.points.use].mean()
 
     @property
     def scale_n(self) -> float:
-        """Change of friction, N, per unit of the model's response, at mean friction."""
+        """Change in friction, in N, for one unit of the model's response, at mean friction."""
         return self.level_n if self.friction.logarithmic else 1.0
 
     @property
@@ -118,7 +118,7 @@ class Fits:
 
 
 def fitted(points: CurvePoints | None, tares: CycleTable) -> tuple[CurvePoints | None, Fits | None]:
-    """Return the points with outliers marked, and the models; None instead of models with too few points of F(v).
+    """Return the points with outliers marked, and the models (None with too few points of F(v)).
 
     Outliers are cycles that differ much from all others (a failed sensor). In a large campaign, no outliers are sought,
     and neighbouring repeats are merged into one point of the models.
@@ -163,7 +163,7 @@ def _fit_points(points: CurvePoints, tares: CycleTable) -> Fits | None:
 
 
 def fit_response(fits: Fits, y: Array, stderr: Array, *, drift: bool) -> smooth.CurveFit:
-    """Fit curves to another result of the same cycles, shape (n,), with scatter in N.
+    """Fit curves to another result of the same cycles, with scatter that is constant in newton.
 
     Parameters
     ----------
@@ -180,7 +180,7 @@ def fit_response(fits: Fits, y: Array, stderr: Array, *, drift: bool) -> smooth.
 
 
 def _better(data: smooth.CurveData) -> smooth.CurveFit:
-    """Fit friction or its logarithm, whichever is more likely, with both forms of scatter."""
+    """Fit friction and its logarithm. Return the more likely fit, averaged over both forms of scatter."""
     plain = smooth.fit_curves(data)
     if data.y.min() <= POSITIVE_SHARE * np.median(data.y):
         return plain
@@ -194,9 +194,9 @@ def _better(data: smooth.CurveData) -> smooth.CurveFit:
 
 
 def systematic(fits: Fits, friction_n: Array, half_sum_n: Array, condition: int) -> SharedTerms:
-    """Return the uncertainties that all points share, for given friction and half sums.
+    """Return the uncertainties that all points of a condition share, at this friction and half sum of both directions.
 
-    The zero is left out if it is known.
+    Half the sum is not an uncertainty if zero runs show the zero of the sensor.
     """
     points, pattern = fits.points, fits.points.pattern
     # The common range stands for the whole stroke: relative uncertainty of friction, and that of half the sum, N.
@@ -218,7 +218,7 @@ def systematic(fits: Fits, friction_n: Array, half_sum_n: Array, condition: int)
 
 @dataclass(frozen=True, eq=False)
 class CurveBand:
-    """A curve of half the difference of both directions, with all parts of its band, shape (m,) each.
+    """A curve of half the difference of both directions, with all parts of its band as arrays (m,).
 
     Attributes
     ----------
@@ -270,7 +270,7 @@ def curves_of(fits: Fits, *, contains_air: bool) -> tuple[result.Curve, ...]:
 
 
 def cycle_terms(points: CurvePoints, fits: Fits | None) -> tuple[Array, Array, Array]:
-    """Return the uncertainty budget of each cycle, shape (n,) each; NaN for cycles without a curve.
+    """Return the uncertainty budget of each cycle as arrays (n,); NaN for cycles without a curve.
 
     Returns
     -------
@@ -328,7 +328,7 @@ def friction_map(reading: CampaignData, points: CurvePoints | None, fits: Fits |
 
 
 def _paired(points: CurvePoints, fits: Fits | None, width_m: float) -> dict[str, np.ndarray]:
-    """Return the columns of cycles with both directions, shape (n, 1) or (n, 2), for bins of width `width_m`."""
+    """Return the map columns, (n, 1) or (n, 2), of cycles with both directions, for bins of width `width_m`."""
     friction, offset = points["friction_n"][:, None], points["offset_n"][:, None]
     # Offset from the drifting zero of the force sensor; 0 without zero runs.
     own = np.full(len(points), np.nan) if fits is None else np.zeros(len(points))
@@ -361,7 +361,7 @@ def _paired(points: CurvePoints, fits: Fits | None, width_m: float) -> dict[str,
 
 
 def in_newton(fit: smooth.CurveFit, found: Predicted) -> tuple[Array, Array, Array]:
-    """Return the value and the bounds of the statistical 95 % interval, N."""
+    """Return the predicted value and the bounds of its statistical 95 % interval, in N."""
     half = found.half_width()
     value, low, high = found.mean, found.mean - half, found.mean + half
     return (np.exp(value), np.exp(low), np.exp(high)) if fit.logarithmic else (value, low, high)
@@ -370,7 +370,7 @@ def in_newton(fit: smooth.CurveFit, found: Predicted) -> tuple[Array, Array, Arr
 def by_chance(
     fits: Fits, fit: smooth.CurveFit, number: int, speed_m_s: Array, cycles: Ints
 ) -> tuple[Array, Array, Array]:
-    """Return the value and the bounds of the statistical 95 % interval, N.
+    """Return the values of a curve and the bounds of the statistical 95 % interval, in N.
 
     Neighbouring speeds and other pressures contribute, so the interval may be narrower than from the cycles at this
     point alone. `OWN_SHARE` limits this. Between the measured speeds, the number of cycles is interpolated.
@@ -383,7 +383,7 @@ def by_chance(
 
 
 def deviation_n(fits: Fits, source: str, friction_n: Array) -> Array:
-    """Return the standard deviation that a random source adds to a single cycle, N, at given friction."""
+    """Return the standard deviation, in N, that a random source adds to a single cycle at this friction."""
     fit = fits.friction
     sd = fit.fit.most_probable_sd(source) * fits.scale_n
     relative = fit.relative if source == "cycle" else float(fit.logarithmic)
@@ -423,7 +423,7 @@ CONSTANT = ("force: linearity", "force: hysteresis")  # sources of the force sen
 
 
 def sources(fits: Fits, gain: Gain, known: ForceCalibration | None) -> tuple[result.UncertaintySource, ...]:
-    """List the sources of uncertainty, each as root mean square over the measured points of all curves, N."""
+    """List the sources of uncertainty, each as root mean square over the measured points of all curves, in N."""
 
     def size_of(part: Callable[[CurveBand], Array], removed: Sequence[str] = ()) -> float:
         size = rms(np.concatenate([part(band)[band.cycles > 0] for band in fits.bands]))
@@ -501,7 +501,7 @@ FEWEST_TARES = 3  # least number of tares for a drift
 
 
 def sensor_zero(tares: CycleTable) -> result.SensorZero:
-    """Return the zero of each zero run and its drift."""
+    """Return the zero of the force sensor in each zero run, and the drift of the zero."""
     time, zero, stderr = (tares[name] for name in ("elapsed_s", "standing_n", "standing_stderr_n"))
     drift: Estimate | None = None
     if len(tares) >= FEWEST_TARES and np.ptp(time) > 0:

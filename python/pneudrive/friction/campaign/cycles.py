@@ -47,7 +47,7 @@ OF_BINS = ("balance_n", "air_n")
 
 @dataclass(frozen=True, eq=False)
 class CycleTable:
-    """Cycles by columns of equal length: `CYCLE_COLUMNS`, `OF_SIDES`, `OF_BINS`, and objects (condition, flags)."""
+    """Cycles as a table with the columns `CYCLE_COLUMNS`, `OF_SIDES`, `OF_BINS`, and objects (condition, flags)."""
 
     columns: dict[str, NDArray]
 
@@ -77,7 +77,7 @@ class CycleTable:
         return self.columns["index"].size
 
     def at(self, rows: NDArray) -> Self:
-        """Return some rows, by a mask or their indices."""
+        """Return the rows that a mask or indices select."""
         return self.having(**{name: values[rows] for name, values in self.columns.items()})
 
     def having(self, **columns: NDArray) -> Self:
@@ -86,11 +86,11 @@ class CycleTable:
 
     @property
     def moves(self) -> Bools:
-        """Mark the directions in which each cycle moves, shape (n, 2)."""
+        """Mask (n, 2) of the directions in which each cycle moves."""
         return np.isfinite(self["velocity_m_s"])
 
     def over_sides(self, name: str) -> Array:
-        """Return the mean absolute value of a column over the directions, shape (n,); NaN without motion."""
+        """Return the mean magnitude (n,) of a column over the directions; NaN without motion."""
         return known_mean(np.abs(self[name]), axis=1)
 
 
@@ -130,7 +130,7 @@ def cycle_row(motion: RecordedMotion, grid: Grid, sides: Mapping[int, Side], row
     sides : mapping
         Direction -> its strokes.
     rows : mapping
-        Direction -> balance of its strokes, shape (strokes, bins).
+        Direction -> balance (strokes, bins) of its strokes.
     """
     recording, only = motion.recording, next(iter(sides.values()))
     return {
@@ -226,7 +226,7 @@ class Gain:
     stderr : float
         Standard uncertainty after correction; NaN without a weight.
     measured, measured_stderr : float
-        Gain from the weights only. NaN without weights.
+        Gain error from the weights only, and its standard error. NaN without weights.
     cycles : int
     sentence : str
         Key of the statement on the error. An implausibly large error is reported, and nothing is corrected. If the
@@ -278,7 +278,7 @@ def stated_gain(identity: Identity) -> float | None:
 
 
 def corrected(cycles: CycleTable, gain: Gain) -> CycleTable:
-    """Correct the gain of cycles, and replace the stated uncertainty by that after the correction."""
+    """Correct the forces of cycles for the gain error, and replace the stated uncertainty by that of the correction."""
     if not np.isfinite(gain.stderr):
         return cycles
     force, factor, air = cycles["force_n"], 1.0 + gain.error, cycles["air_n"]
@@ -304,13 +304,13 @@ class PressureZero:
     Attributes
     ----------
     blocks : dict
-        Block -> zero that is subtracted from its cycles, Pa; empty if unknown.
+        Block -> zero, in Pa, that is subtracted from its cycles; empty if unknown.
     mean_pa, stderr_pa : float
-        Mean over all usable zero runs. The standard uncertainty comes from noise and from differences of zero runs.
+        Mean over all usable zero runs. The standard uncertainty comes from noise and from the scatter of zero runs.
     tares : int
         Number of usable zero runs.
     unusable : dict
-        Key of a statement -> key of the zero run with this fault -> deviation from ambient and change, Pa.
+        Key of a statement -> key of the zero run with this fault -> deviation from ambient, or change, in Pa.
     """
 
     blocks: dict[int, float] = field(default_factory=dict)
@@ -321,7 +321,7 @@ class PressureZero:
 
 
 def pressure_zeros(identity: Identity, tares: CycleTable) -> dict[str, PressureZero]:
-    """Find the zero of each transducer with stated accuracy, by chamber ("a", "b")."""
+    """Return chamber ("a", "b") -> zero of its transducer, for transducers with a stated accuracy."""
     found = {}
     for side in "ab":
         accuracy = identity.accuracy.get(f"pressure_{side}_pa", 0.0)

@@ -70,7 +70,7 @@ FAR = 10.0  # factor of friction to neighbouring speeds: an error of sensor, uni
 
 
 def implausible_friction(condition: Ints, speed_m_s: Array, friction_n: Array, stderr_n: Array) -> NDArray:
-    """Return for each cycle, shape (n,), the reason why its friction is implausible, or an empty text."""
+    """Return the reasons (n,) why the friction of cycles is implausible. A plausible cycle has an empty text."""
     pace = np.log(np.maximum(speed_m_s, 1e-12))
     found = np.full(friction_n.size, "", dtype=object)
     for here in (np.flatnonzero(condition == k) for k in np.unique(condition)):
@@ -169,7 +169,7 @@ def reduce(cycles: CycleTable, edges_m: Array, steady: Bools) -> tuple[Pattern, 
     -------
     Pattern
     dict of ndarray, shape (n,)
-        The first columns of `CurvePoints`.
+        Further columns of `CurvePoints`, without ``curve``, ``level`` and ``reason``.
     """
     (up, down), (air_up, air_down) = (np.moveaxis(cycles[name], 1, 0) for name in ("balance_n", "air_n"))
     friction = (up - down) / 2.0
@@ -271,7 +271,7 @@ class CurvePoints(CycleTable):
     ----------
     pattern : Pattern
     conditions : tuple of Condition
-        Conditions that occur.
+        Conditions of the cycles, each once.
     level_speeds_m_s : ndarray, shape (levels,)
     whole : CycleTable
         All cycles with both directions.
@@ -287,12 +287,12 @@ class CurvePoints(CycleTable):
 
     @property
     def count(self) -> Array:
-        """Number of cycles of each point, shape (n,)."""
+        """Number (n,) of cycles of each point."""
         return np.array([some.size for some in self.members], dtype=float)
 
     @property
     def use(self) -> Bools:
-        """Cycles that are points of F(v)."""
+        """Mask of the cycles that are points of F(v)."""
         return self["reason"] == ""
 
     @property
@@ -308,11 +308,11 @@ class CurvePoints(CycleTable):
 
     @property
     def cell(self) -> Ints:
-        """Index of the combination of condition and speed level of each cycle, shape (n,)."""
+        """Index (n,) of the combination of condition and speed level of each cycle."""
         return cells(self["curve"], self["level"])
 
     def labels(self, name: str, rows: NDArray[np.intp]) -> list[list]:
-        """Return the values of a column in the cycles of some points."""
+        """Return the values of a column for all cycles of each of these points."""
         return [self.whole[name][self.members[i]].tolist() for i in rows]
 
     def condensed(self) -> CurvePoints:
@@ -331,7 +331,7 @@ class CurvePoints(CycleTable):
         return replace(self.at(middle).having(**means), members=tuple(groups))
 
     def block_shares(self) -> tuple[Array | None, str]:
-        """Find blocks or days whose deviations can be separated from the levels, because levels were run in several.
+        """Find blocks or days whose effects can be separated from the levels, because a level was run in several.
 
         Returns
         -------
@@ -442,7 +442,7 @@ def grouped(place: Ints, stretch: Ints, rows: int, most: int) -> list[list[int]]
 
 
 def shares_of(labels: Sequence[Sequence[int]]) -> Array:
-    """Return the fraction of each label in each group of labels, shape (groups, labels)."""
+    """Return the fraction (groups, labels) of each label in each group."""
     names = sorted({label for row in labels for label in row})
     counts = np.array([[row.count(name) for name in names] for row in labels], dtype=float)
     counts = counts.reshape(len(labels), len(names))

@@ -85,7 +85,7 @@ def read_each(files: Sequence[CycleFile], read: Callable[..., T], *rest: object)
 
 
 def standing_row(file: CycleFile, recording: Recording, samples: Samples, ambient_pa: float) -> Row:
-    """Read a zero run or a known weight: mean force while the axis is released at rest, and its uncertainty.
+    """Return the mean force at rest, and its uncertainty, of a zero run or a run with a known weight.
 
     For open chambers with a transducer, the row has the mean reading, its standard error, and the change between the
     halves of the run.
@@ -127,7 +127,7 @@ ENDS = (0.001, 0.999)  # quantiles of position, without single damaged samples
 
 @dataclass(frozen=True, eq=False)
 class CampaignData:
-    """The cycles of a campaign, or of recordings, reduced.
+    """The reduced cycles of a campaign or of recordings.
 
     Attributes
     ----------
@@ -176,7 +176,7 @@ def _date(started: str) -> str:
 
 @many_objects()
 def read_campaign(campaign: Campaign, choice: SampleChoice, processes: int | None) -> CampaignData:
-    """Read all cycles of a campaign.
+    """Read and reduce all cycles of a campaign.
 
     Parameters
     ----------
@@ -230,7 +230,7 @@ def read_campaign(campaign: Campaign, choice: SampleChoice, processes: int | Non
 
 
 def _plans(files: Sequence[CycleFile], found: dict[str, Read]) -> dict[str, Row]:
-    """Return, by key, the columns of each cycle that follow from headers and earlier cycles.
+    """Return key of a cycle -> the columns that follow from its header and from the cycles before it.
 
     The rest before a cycle is its stop, or the time since the end of the previous cycle. The travel is the total travel
     up to the middle of the cycle, from the plan if known, otherwise from the samples.
@@ -271,7 +271,7 @@ def _plans(files: Sequence[CycleFile], found: dict[str, Read]) -> dict[str, Row]
 
 @many_objects()
 def read_part(files: Sequence[CycleFile], identity: Identity, choice: SampleChoice, edges_m: Array) -> list[Read]:
-    """Read cycles one after the other. An unusable cycle gives the reason instead.
+    """Read cycles one after the other. For an unusable cycle, return the reason.
 
     The path length is zero if the samples cannot be read. Cycles that only prepare have no row.
     """
@@ -294,7 +294,7 @@ def read_part(files: Sequence[CycleFile], identity: Identity, choice: SampleChoi
 
 
 def _motion(recording: Recording, choice: SampleChoice) -> RecordedMotion:
-    """Return the motion of a cycle.
+    """Return the motion of a cycle. Inertia is subtracted only in the source paper's protocol.
 
     In the settled part, the mean acceleration is zero, and acceleration computed from positions would only add noise.
     In the source paper's protocol, the settled part includes the ramp at the end of the stroke.
@@ -320,7 +320,7 @@ def _way(samples: Samples) -> float:
 
 
 def _edges(files: Sequence[CycleFile]) -> Array:
-    """Return the bins over the travel of sliding cycles, from the positions of a few cycles."""
+    """Return the edges of bins over the travel of sliding cycles, from the positions of a few cycles."""
     positions: list[Array] = []
     for i in evenly(len(files), LOOKED_AT) if files else ():
         with suppress(PneudriveError):
@@ -329,7 +329,7 @@ def _edges(files: Sequence[CycleFile]) -> Array:
 
 
 def common_edges(positions: Sequence[Array]) -> Array:
-    """Return the bins over the travel of several motions, shape (bins + 1,).
+    """Return the edges (bins + 1,) of bins over the travel of several motions.
 
     A motion far from the others (for example in wrong units) does not affect the bins.
     """

@@ -40,20 +40,20 @@ class PressureEffects:
     speed_m_s : ndarray, shape (m,)
         Speeds that were measured at all pressure pairs used.
     slopes : dict
-        Chamber (a, b, or sum if only the sum of both is determined) -> change of friction at each speed, N/Pa.
+        Chamber (a, b, or sum if only the sum of both is determined) -> change of friction at each speed, in N/Pa.
     means : dict
         Chamber -> mean over all speeds.
     interaction : FTest or None
-        Effect of p_a p_b: its mean and its change with log speed. None if the design does not determine it.
+        Test of the effect of p_a p_b: its mean and its change with log speed. None if the design does not determine it.
     interaction_n_pa2 : Estimate or None
-        Mean over speeds, N/Pa2.
+        Mean of this effect over speeds, in N/Pa2.
     curvature : FTest or None
-        Effects of the squares of both pressures.
+        Test of the effects of the squares of both pressures.
     gauge_pa : tuple of (float, float)
-        Pressure pairs used, gauge.
+        Gauge pressures of the pairs used.
     hidden_n : float
-        Possible change of friction over the campaign that the plan does not separate from the effect of pressure, N.
-        The intervals include it as a standard uncertainty. 0 if the plan separates them.
+        Possible change in friction over the campaign, in N, that the plan does not separate from the effect of
+        pressure. The intervals include it as a standard uncertainty. 0 if the plan separates them.
     statement : str
     """
 
@@ -86,8 +86,8 @@ class AirShare:
     seal_n, seal_low_n, seal_high_n : ndarray, shape (m,)
         NaN if not separated.
     air_bound_n : ndarray, shape (m,)
-        Upper bound of the force of the air, if the friction of the seal does not fall with speed below its minimum; NaN
-        if separated.
+        Upper bound of the force of the air; NaN if separated. It assumes that friction of the seal does not fall below
+        its lowest value at slower speeds.
     """
 
     condition: Condition
@@ -175,9 +175,10 @@ class Asymmetry:
 
 @dataclass(frozen=True)
 class StickSlipPoint:
-    """Stick-slip at one condition and speed: medians over strokes.
+    """Stick-slip at one condition and speed: medians over both directions of all cycles.
 
-    ``share`` is the fraction of strokes with stick-slip. ``amplitude_n`` is the range of the force over a period.
+    ``share`` is the fraction of cycles with unsteady sliding. ``strokes`` is the number of directions in all cycles.
+    ``amplitude_n`` is the usual range of the force in mid stroke.
     """
 
     condition: Condition
@@ -192,7 +193,7 @@ class StickSlipPoint:
 
 @dataclass(frozen=True)
 class StickSlipThreshold:
-    """Speed below which stick-slip starts: between the highest speed with and the lowest speed without stick-slip."""
+    """Speed below which stick-slip starts. It is between the highest speed with and the lowest without stick-slip."""
 
     condition: Condition
     low_m_s: float
@@ -211,7 +212,7 @@ class Drift:
     sentinel_time_s, sentinel_n : ndarray, shape (k,)
         Time and friction of each control run.
     per_hour, per_decade_of_travel, per_kelvin : Estimate or None
-        Linear in time, in the logarithm of the travel, in temperature; None if the design does not determine it.
+        Effect linear in time, in the logarithm of travel, or in temperature; None if the design does not determine it.
     interrupted : Estimate or None
         Friction after an interruption minus friction in continuous operation.
     basis : str
@@ -237,11 +238,12 @@ class Drift:
 
 @dataclass(frozen=True)
 class Repeatability:
-    """Standard deviations of the friction of one cycle, N, divided as in ISO 5725.
+    """Standard deviations, in N, of the scatter of friction from cycle to cycle, split into parts as in ISO 5725.
 
-    ``within`` a block at equal conditions, ``between`` blocks and days, and ``total`` of both, at the mean friction of
-    the repeated cycles. ``relative`` states whether they are proportional to friction. ``basis`` is the source:
-    repeats, sentinels (control runs), or both; or "smooth curve" (residuals of the curves) if no cycle was repeated.
+    ``within`` is the part in one block at equal conditions. ``between`` is the part from block to block or day to day.
+    ``total`` is both together. All three apply at the mean friction of the repeated cycles. ``relative`` states whether
+    they are proportional to friction. ``basis`` is the source: repeats, sentinels (control runs), or both; or
+    "smooth curve" (residuals of the curves) if no cycle was repeated.
     """
 
     within: Estimate
@@ -315,7 +317,7 @@ class Curve(Shown):
 
     @property
     def measured(self) -> Bools:
-        """Whether each speed was measured, shape (m,); False between the measured speeds."""
+        """Mask (m,) of the measured speeds; False for speeds between them."""
         return self.cycles > 0
 
     def shown(self, ambient_pressure_pa: float) -> ShownCurve:
@@ -371,7 +373,7 @@ class Ranges:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class CampaignCharacteristics(Viewed):
-    """All results of a campaign on friction. SI, absolute pressures unless called gauge.
+    """All friction results of a campaign, in SI units. Pressures are absolute unless called gauge.
 
     Attributes
     ----------
@@ -533,9 +535,9 @@ def write_tables(tables: Row, path: str | Path) -> Path:
 
 
 def _plain(value: Any) -> Any:  # noqa: ANN401 - any of the results' dataclasses
-    """Return results as plain data. Empty results become None: files do not have them.
+    """Return results as plain data. Empty results become None, so that files do not contain them.
 
-    The chamber of an effect of pressure is part of a key, ``slope_a``.
+    The chamber of an effect of pressure is part of the key, such as ``slope_a``.
     """
     if is_dataclass(value):
         parts: Row = {}
@@ -551,7 +553,7 @@ def _plain(value: Any) -> Any:  # noqa: ANN401 - any of the results' dataclasses
 
 
 def _entries(found: object, table: str) -> Row:
-    """Return the entries of a table of files, which names their attributes."""
+    """Return the entries of a table in a result file: key -> value of the attribute that `TABLES` names."""
     return {key: attrgetter(path)(found) for key, path in TABLES[table].items()}
 
 

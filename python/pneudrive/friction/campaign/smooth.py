@@ -61,7 +61,7 @@ def stretched(speed_m_s: Array, lowest_m_s: float) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class CurveData:
-    """Observations of curves, shape (n,) each, and further possible effects.
+    """Observations of curves, as arrays (n,), and possible further effects.
 
     Attributes
     ----------
@@ -108,7 +108,7 @@ class CurveData:
 
     @cached_property
     def lowest_m_s(self) -> float:
-        """Lowest speed of a curve."""
+        """Lowest speed of all curves."""
         return self.speed_m_s[self.curve >= 0].min()
 
     @cached_property
@@ -118,7 +118,7 @@ class CurveData:
 
     @cached_property
     def kept(self) -> NDArray[np.intp]:
-        """Independent columns of `fixed`."""
+        """Indices of the independent columns of `fixed`."""
         return mixed.independent(self.fixed(self.speed_m_s, self.curve, observed=True))
 
     def place(self, speed_m_s: Array) -> Array:
@@ -126,11 +126,11 @@ class CurveData:
         return np.nan_to_num(stretched(speed_m_s, self.lowest_m_s) / self.width)
 
     def levels(self, curve: Ints) -> Array:
-        """Return one column for each curve, 1 on the curve."""
+        """Return one column for each curve: 1 for observations on the curve, 0 for others."""
         return (curve[:, None] == np.arange(self.curve.max() + 1)).astype(float)
 
     def fixed(self, speed_m_s: Array, curve: Ints, *, observed: bool) -> Array:
-        """Return the columns of one level per curve, a common slope, and the zero if there is one."""
+        """Return the columns of the fixed effects: one level per curve, a common slope, and the zero of zero runs."""
         slope = np.where(curve >= 0, self.place(speed_m_s) - 0.5, 0.0)
         zero = np.full((curve.size, int((self.curve < 0).any())), float(observed))
         return np.column_stack([zero, self.levels(curve), slope])
@@ -149,7 +149,7 @@ class CurveData:
         return found
 
     def part(self, rows: NDArray[np.intp]) -> CurveData:
-        """Return some of the observations."""
+        """Return the observations in these rows."""
         columns = {field.name: getattr(self, field.name) for field in fields(self)}
         return replace(self, **{n: values[rows] for n, values in columns.items() if isinstance(values, np.ndarray)})
 
@@ -160,7 +160,7 @@ class CurveData:
 
 @dataclass(frozen=True, eq=False)
 class CurveFit:
-    """Fitted curves.
+    """Curves of a campaign, fitted by one mixed model.
 
     Attributes
     ----------
@@ -176,7 +176,7 @@ class CurveFit:
 
     @cached_property
     def drift(self) -> mixed.Predicted:
-        """Best estimate of the drift at each observation, mean zero."""
+        """Best estimate of the drift at each observation. Its mean is zero."""
         walk = {c.name: c.kernel for c in self.fit.model.components if c.name == "drift"}
         nothing = np.zeros((len(self.data), self.fit.model.x.shape[1]))
         return mixed.Functionals(self.fit, nothing, walk, walk).predict()
@@ -197,7 +197,7 @@ class CurveFit:
         return mixed.Functionals(self.fit, fixed, data.kernels(at, (data.speed_m_s, data.curve)), data.kernels(at, at))
 
     def steady(self) -> Array:
-        """Return the curves at the observations, in the unit of the response, shape (n,); NaN without a curve."""
+        """Return the value (n,) of the curve at each observation, in the unit of the response; NaN without a curve."""
         found = np.full(len(self.data), np.nan)
         for number in range(self.data.curve.max() + 1):
             members = self.data.curve == number
@@ -221,7 +221,7 @@ def determines_drift(data: CurveData) -> bool:
 
 
 def fit_curves(data: CurveData) -> CurveFit:
-    """Fit all curves of a campaign."""
+    """Fit all curves of a campaign by one mixed model."""
     return CurveFit(data, curve_model(data).fit(), relative=float(data.logarithmic))
 
 
@@ -359,7 +359,7 @@ def _path(data: CurveData) -> list[tuple[list[int], Array, float]]:
 
 
 def _others(data: CurveData, taken: list[int]) -> tuple[NDArray[np.intp], mixed.MixedModel]:
-    """Return the remaining cycles and their model."""
+    """Return the rows of the remaining cycles, and their model."""
     rows = np.setdiff1d(np.arange(len(data)), taken)
     return rows, curve_model(data.part(rows))
 

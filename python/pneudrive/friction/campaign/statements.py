@@ -1,4 +1,4 @@
-"""Conditions of the statements on determined and undetermined effects of a campaign (sentences.toml)."""
+"""Selection of the statements (sentences.toml) on effects that a campaign determines or does not determine."""
 
 from __future__ import annotations
 
@@ -96,10 +96,13 @@ def _curves(found: CampaignCharacteristics, reading: CampaignData, fits: Fits) -
 def _scatter(found: CampaignCharacteristics, reading: CampaignData, fits: Fits) -> Iterator[Statement]:
     repeat = found.repeatability
     assert repeat is not None
+    is_once, used = repeat.basis == "smooth curve", fits.points.at(fits.points.use)
     kind = "within" if repeat.between is None else "within_and_between"
-    yield say(f"repeatability.{kind}", r=repeat, kind=fits.block_kind)
+    kind = "strokes_only" if is_once and not reading.files else kind  # strokes of recordings are repeated, no speed
+    numbers = {"fewest": used["strokes"].min(), "stderr": used["friction_stderr_n"].max()}
+    yield say(f"repeatability.{kind}", r=repeat, kind=fits.block_kind, **numbers)
     # Points without repeats: their narrow band comes from neighbouring points.
-    if repeat.basis == "smooth curve":
+    if is_once and reading.files:
         yield say("repeatability.nothing_repeated")
     elif repeat.basis == "sentinels":
         shares = []  # width of the band at a point measured once, over the 95 % scatter of a single cycle

@@ -45,7 +45,7 @@ TOGETHER = 0.95  # correlation above which two causes cannot be separated
 
 
 def causes(fits: Fits) -> Columns:
-    """Return possible causes of a drift, at the points of F(v), that vary enough to have an effect.
+    """Return the possible causes of a drift that vary enough to have an effect, at the points of F(v).
 
     The causes are time (h), travel (decades), temperature (K), and interruption (1 after a long rest or a cycle with a
     stop).
@@ -73,7 +73,7 @@ def together(fits: Fits) -> Iterator[tuple[str, str, float]]:
 
 
 def drift_of(fits: Fits) -> Drift:
-    """Describe the drift. Undetermined effects have the value None."""
+    """Return the drift over the campaign and the effects of its causes. Undetermined effects have the value None."""
     points, fit, scale = fits.points, fits.friction, fits.scale_n
     known, effects = causes(fits), dict[str, Estimate | None]()
     for cause, (name, unit) in EFFECTS.items():
@@ -134,9 +134,9 @@ def repeatability(fits: Fits) -> Repeatability:
 
 
 def pure_scatter(fits: Fits) -> tuple[Estimate, float, str] | None:
-    """Estimate the standard deviation of a cycle from repeats and control runs, independent of the curves.
+    """Estimate the standard deviation of a cycle from repeats and control runs, independently of the curves.
 
-    Return the estimate in the unit of the curves' response, the mean friction of these cycles, N, and the source.
+    Return the estimate in the unit of the curves' response, the mean friction (N) of these cycles, and the source.
 
     Cycles at one condition and speed are used, after subtracting their mean, a line over the campaign and the means of
     the blocks. Means of several cycles have a larger weight. None without repeats.
@@ -224,7 +224,7 @@ def _describe(points: CurvePoints, title: str, condition: Condition | None, memb
 
 
 def _trend(position: Array, rows: Array, slowness: Array, waves: Sequence[float]) -> tuple[Estimate, float]:
-    """Estimate the common trend along x, free of the drift of the sensor's zero, and the rate of this drift, N/s.
+    """Estimate the common trend along x without the drift of the sensor's zero, and the rate of this drift in N/s.
 
     The zero drifts during a cycle. In strokes towards +x, the drift grows along x; in strokes towards -x, it falls
     along x. In half the difference, it appears as a slope of rate / speed. This affects slow cycles most, and because
@@ -260,7 +260,7 @@ def _trend(position: Array, rows: Array, slowness: Array, waves: Sequence[float]
 
 
 def _columns(position: Array, waves: Sequence[float]) -> Array:
-    """Return columns of mean, trend, cosine and sine of waves of these orders; shape (n, 2 + 2 waves)."""
+    """Return the design columns (n, 2 + 2 waves): mean, trend, and cosine and sine of the wave of each order."""
     away, length = position - position.mean(), _length(position)
     columns = [np.ones(away.size), away]
     for times in waves:
@@ -270,7 +270,7 @@ def _columns(position: Array, waves: Sequence[float]) -> Array:
 
 
 def _length(position: Array) -> float:
-    """Return the length of the range of even bins from their centres."""
+    """Return the length of a range of position from the centres of its bins, which have equal width."""
     return position.size * float(position[1] - position[0])
 
 
@@ -304,7 +304,7 @@ def _waves(position: Array, mean: Array, stderr: Array) -> list[float]:
 
 
 def _stretches(position: Array, mean: Array, columns: Array) -> Array:
-    """Return the derivative of the mean pattern with respect to the order of each wave, shape (n, waves)."""
+    """Return the derivatives (n, waves) of the mean pattern with respect to the order of each wave."""
     found = np.linalg.lstsq(columns, mean, rcond=None)[0]
     phase = 2.0 * np.pi * (position - position.mean()) / _length(position)
     pairs = [(k, k + 1) for k in range(2, columns.shape[1], 2)]
@@ -313,7 +313,7 @@ def _stretches(position: Array, mean: Array, columns: Array) -> Array:
 
 
 def _each(columns: Array, rows: Array) -> Array:
-    """Return the coefficients of the columns in each cycle, shape (cycles, columns)."""
+    """Fit the columns to each cycle. Return the coefficients (cycles, columns)."""
     masks, which = np.unique(np.isfinite(rows), axis=0, return_inverse=True)
     found = np.empty((rows.shape[0], columns.shape[1]))
     for number, here in enumerate(masks):  # cycles that lack the same bins form one problem
@@ -354,7 +354,7 @@ FOLLOWS_TIME = 0.1
 class _Design:
     """Cycles of one set of levels, marked by `used` among all points, and their `points`.
 
-    Pressures are in bar, gauge. ``kind`` names the determined slopes: both, a, b, sum or line.
+    Pressures are gauge, in bar. ``kind`` names the determined slopes: both, a, b, sum or line.
     ``equal`` has a column for each set of repeated cycles at other speeds, such as control runs. Their pressure is
     constant, so that they show the effect of time. Their ``level`` is -1.
     """
@@ -509,7 +509,7 @@ def _widened(design: _Design, x: Array, columns: list[Array]) -> Array:
 
 
 def _sentences(design: _Design, found: PressureEffects, with_time: list[str], u: float) -> Iterator[Statement]:
-    """Yield statements on the determined slopes, the test of their sum, and undetermined values.
+    """Yield statements on the determined slopes, the test whether they add, and undetermined values.
 
     An interaction within the accuracy of the sensors is ignored.
     """

@@ -48,7 +48,7 @@ FORCES = ("friction.coulomb", "friction.breakaway")
 def transforms_of(
     parameters: Sequence[Parameter], sensors: Sequence[SensorParameter], drive: Drive | Circuit
 ) -> Transforms:
-    """Return the coordinates of free values of a drive or a circuit, and of its sensors.
+    """Return the coordinates of the free values of a drive or a circuit and of the sensors.
 
     The breakaway force is the Coulomb force plus a positive excess. If one of these forces is held, it limits the
     other.
@@ -206,7 +206,7 @@ def identify(
     watcher = search.Watcher(Watch(progress, cancel))
 
     def attempt(values: Array | None) -> search.Solved:
-        """Search from start values, with the recordings in segments of the present options."""
+        """Search from start values, with recordings cut into segments as set in `options`."""
         family = family_of(drive, parameters, options.axis)
         start = np.array([p.value for p in parameters]) if values is None else values[: len(parameters)]
         experiments, states = [], []
@@ -231,7 +231,7 @@ def identify(
 
 
 def _best_of_attempts(attempt: Callable[[Array | None], search.Solved], options: search.SearchOptions) -> search.Solved:
-    """Repeat the search with shorter segments, as long as that helps, if the first search does not fit the motion.
+    """Search; if the result does not fit the motion, repeat with shorter segments as long as that helps.
 
     Errors of short segments are small even for wrong values. A search with short segments therefore avoids local
     minima, and gives a better start for long segments. An incomplete model deviates with segments of any length; the
@@ -307,7 +307,7 @@ def noise_of(channel: sensing.Channel, record: DriveRecording | VolumeRecording,
 def solve(problem: FitProblem, point: Iterate, options: search.SearchOptions, watcher: search.Watcher) -> search.Solved:
     """Search, and estimate the noise of the sensors from the residuals, until the noise converges.
 
-    If a search stops early, its residuals are not used as noise before the last attempt.
+    The residuals of a search that stops early are used as noise only in the last attempt.
     """
     converged = False
     watcher.point, at = point, None
@@ -370,7 +370,7 @@ def _regrouped(problem: FitProblem, point: Iterate, length_s: float | None) -> I
 
 
 def _renew_noise(problem: FitProblem, at: search.Misfit, rtol: float) -> bool:
-    """Estimate noise that is not stated from the residuals; return whether the noise changed."""
+    """Estimate the unstated noise from the residuals; return whether it changed."""
     changed = False
     for i, c, residual in problem.valid(at.residuals):
         channel, noise = problem.experiments[i].channels[c], problem.experiments[i].noise
@@ -400,7 +400,7 @@ ROUNDS = 3
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class Presliding(Fit, kind="presliding"):
-    """Bristle parameters from reversals; SI.
+    """Bristle parameters from reversals, in SI.
 
     Attributes
     ----------
@@ -409,7 +409,7 @@ class Presliding(Fit, kind="presliding"):
         scatter between reversals.
     statistics : dict
         ``reversals``: number of reversals. ``breakaway_n``: breakaway force, half the change of friction between both
-        directions. ``slope_factor``: slope relative to the stiffness of the law.
+        directions. ``slope_factor``: measured slope divided by the stiffness.
     """
 
     def apply(self, drive: Drive) -> Drive:
@@ -514,7 +514,7 @@ def _columns(loop: Any) -> tuple[Array, Array, Array]:  # noqa: ANN401 - a recor
 
 
 def _reversals(time: Array, position: Array, friction: Array, step: float) -> list[Array]:
-    """Return displacement, friction increase and speed after each reversal, in the new direction, shape (3, n) each."""
+    """Return arrays (3, n) of displacement, friction increase and speed after each reversal, in the new direction."""
     out = []
     for begin, end in pairwise(turning_points(position, max(5.0 * step, 1e-9)).tolist()):
         part, sign = slice(begin, end + 1), np.sign(position[end] - position[begin])
@@ -525,14 +525,14 @@ def _reversals(time: Array, position: Array, friction: Array, step: float) -> li
 
 
 def _swing(reversal: Array) -> float:
-    """Return the change of friction between both directions: the median over the last quarter."""
+    """Return the change of friction after a reversal: the median over the last quarter."""
     return float(np.median(reversal[1, reversal.shape[1] * 3 // 4 :]))
 
 
 def _slope(reversal: Array, step: float) -> Pair | None:
-    """Return the slopes of friction over displacement at the reversal and over speed, by least squares.
+    """Return the slopes of friction over displacement (at the reversal) and over speed, by least squares.
 
-    The model is x = b (F - s v) + c F^2, because friction is more accurate than a displacement of a few encoder steps.
+    The fit is x = b (F - s v) + c F^2, because a displacement x of a few encoder steps is less accurate than F.
     """
     begin = reversal[1] <= SWING_SHARE * _swing(reversal)
     stop = int(np.argmin(begin)) if not begin.all() else begin.size
@@ -547,7 +547,7 @@ def _slope(reversal: Array, step: float) -> Pair | None:
 
 
 def _interval(values: Array) -> Interval:
-    """Return the 95 % interval of the mean over reversals; infinite for a single one."""
+    """Return the 95 % interval of the mean over reversals; infinite for a single reversal."""
     if values.size == 1:
         return -np.inf, np.inf
     mean, n = float(values.mean()), values.size

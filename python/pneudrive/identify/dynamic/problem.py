@@ -35,7 +35,7 @@ class Shot:
     outputs : ndarray, shape (n, o)
         Outputs at the samples. The first sample of a segment has the outputs of its start.
     by_parameter : ndarray, shape (n, o, p)
-        Derivatives with respect to the free values of the drive, SI; p = 0 without derivatives.
+        Derivatives with respect to the free values of the drive, in SI; p = 0 without derivatives.
     by_start : ndarray, shape (n, o, s)
         Derivatives with respect to the start of the sample's segment; s = 0 without derivatives.
     ends : ndarray, shape (k, s)
@@ -62,7 +62,7 @@ class FittedRecording:
     ----------
     recording : DriveRecording
     channels : list of Channel
-        The c compared channels.
+        Compared channels; c is their number.
     starts : ndarray of int, shape (k,)
         Samples at which segments begin.
     family : DriveFamily
@@ -71,16 +71,16 @@ class FittedRecording:
     rtol : float
     threads : int
     delay_s : float
-        Default delay of the valve after the command, s.
+        Default delay of the valve after the command, in s.
     watch : Watch
-        Checked during each run.
+        Can cancel a run.
 
     Attributes
     ----------
     measured, weight : ndarray, shape (n, c)
-        Measurements, and 1 or 0 for missing ones.
+        Measurements, and their weights: 0 for a missing measurement, otherwise 1.
     belief, size : ndarray, shape (s,)
-        Prior standard deviations and relevant changes of the start states.
+        Prior standard deviations and typical changes of the start states.
     hidden : ndarray of bool, shape (s,)
         Mask of unmeasured start states.
     limits : (ndarray, ndarray), shape (s,)
@@ -126,15 +126,15 @@ class FittedRecording:
         Parameters
         ----------
         values : ndarray, shape (p,)
-            Free values of the drive, SI.
+            Free values of the drive, in SI.
         initial : ndarray, shape (k, s)
             Starts of the segments.
         derivatives : bool
             Whether to compute derivatives with respect to values and starts.
         by_start : ndarray of int, optional
-            Columns of the starts for derivatives, default: all; others are zero.
+            Start states with derivatives. Default: all. Derivatives with respect to other states are zero.
         delay_s : float, optional
-            Free delay of the command: its derivatives follow those by the values.
+            Free delay of the command. Its derivatives come after those with respect to the values.
         outputs : sequence of str, optional
             Columns of the core; default: those of the channels.
 
@@ -148,7 +148,7 @@ class FittedRecording:
             found = self._shoot(core, initial, delay_s, derivatives=derivatives, by_start=by_start, outputs=outputs)
             slopes = self._slopes_by_command(values, initial, delay_s) if derivatives else []
         except ValueError as error:
-            raise FitError(f"the core rejects a drive of the search: {error}") from None
+            raise FitError(f"the core rejects a drive tried by the search: {error}") from None
         p = self.family.size + (delay_s is not None) if derivatives else 0
         sensitivities, ends = found["sensitivities"], found["end_sensitivities"]
         if derivatives:
@@ -176,9 +176,10 @@ class FittedRecording:
     def _slopes_by_command(
         self, values: Array, initial: Array, delay_s: float | None
     ) -> list[tuple[int, Array, Array]]:
-        """Return index, and central differences of outputs and ends, of each free number that acts on the command.
+        """Return index and central differences (of outputs and ends) for each free number that acts on the command.
 
-        Hysteresis and delay of the valve are such numbers. The delay of the recorded command follows the paths.
+        Hysteresis and delay of the valve are such numbers. The delay of the recorded command has the index after all
+        paths.
         """
         at, steps, out = np.r_[values, self.delay_s if delay_s is None else delay_s], {}, []
         for k, path in enumerate(self.family.paths):
@@ -306,15 +307,15 @@ class FitProblem:
         return [p.name for p in (*self.parameters, *self.sensors)]
 
     def values(self, eta: Array) -> Array:
-        """Return the free values of the drive and the sensors, SI."""
+        """Return the free values of the drive and the sensors, in SI."""
         return self.transforms.natural(eta)
 
     def named(self, eta: Array) -> NamedNumbers:
-        """Return the free values by name, SI."""
+        """Return the free values by name, in SI."""
         return by_name(self.names, self.values(eta))
 
     def rms(self, residuals: list[Array]) -> NamedNumbers:
-        """Return the root mean square of each channel's residuals, SI."""
+        """Return the root mean square of each channel's residuals, in SI."""
         power: NamedNumbers = {}
         count: NamedNumbers = {}
         for experiment, residual in zip(self.experiments, residuals, strict=True):
@@ -336,7 +337,7 @@ class FitProblem:
         ----------
         point : Iterate
         stage : str
-            Part of the search, for the message: a key of the sentences ``not_simulated``.
+            Part of the search, named in an error: a key of the sentences ``not_simulated``.
         derivatives : bool
 
         Raises
@@ -381,7 +382,6 @@ class FitProblem:
         Parameters
         ----------
         index : int
-            Recording.
         eta : ndarray, shape (P,)
         outputs : ndarray, shape (n, c)
         derivatives : ndarray, shape (n, c, P + more), optional
@@ -392,7 +392,7 @@ class FitProblem:
         residual : ndarray, shape (n, c)
             (measured - model) / noise; 0 for missing measurements.
         derivatives : ndarray, shape (n, c, P + more)
-            Derivatives of the model, over the noise; of shape (n, c, 0) without `derivatives`.
+            Derivatives of the model, divided by the noise; shape (n, c, 0) without `derivatives`.
         """
         experiment, values = self.experiments[index], self.values(eta)
         time = experiment.recording.time_s

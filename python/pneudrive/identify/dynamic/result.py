@@ -7,7 +7,7 @@ limit of the model error, each held number (bore, supply pressure, conductance, 
 
     d theta_h = - (Phi^T W Phi)^-1 Phi^T W d e_h,    floor = sqrt(sum over h of d theta_h^2)
 
-Phi are the derivatives of the balances' residuals with respect to the free values, and d e_h the change of the
+Phi are the derivatives of the balances' residuals with respect to the free values, and d e_h is the change of these
 residuals with the held number h. W weights each balance by one over the mean square of its terms. The formula uses the
 motion of the recordings, but not their noise.
 """
@@ -54,14 +54,14 @@ class DriveFit(Fit, kind="drive"):
     values : dict
         Name in the drive file -> value in SI (pressures absolute), at the last point of the search.
     units : dict
-        Name -> unit, of values and sensors.
+        Name of a value or sensor -> unit.
     sensors : dict
         ``position.offset [recording]``, ``pressure_a.gain``, ... -> value in SI.
     free : tuple of str
         Order of `covariance`: values, then sensors.
     covariance : ndarray, shape (p, p)
-        SI, first order, with variance and autocorrelation of the residuals, without directions that the recordings do
-        not determine.
+        First-order covariance in SI, with variance and autocorrelation of the residuals, without directions that the
+        recordings do not determine.
     intervals : dict
         Determined value or sensor -> (lower, upper), 95 %, from sensor noise. Empty if the search did not converge.
     model_errors : dict
@@ -74,7 +74,7 @@ class DriveFit(Fit, kind="drive"):
     statistics : dict
         samples, iterations, cost, gap; ``rms.CHANNEL``, ``noise.CHANNEL`` in SI, ``fit_percent.CHANNEL``.
     converged : bool
-        False if the search was interrupted or stopped early: the values are the best so far.
+        False if the search was interrupted or stopped early; the values are then the best so far.
     fits : bool
         False if residuals exceed the sample-to-sample noise of a channel, i.e. the model is incomplete.
     provenance : dict
@@ -89,9 +89,9 @@ class DriveFit(Fit, kind="drive"):
 
     @property
     def state(self) -> str:
-        """Reason why the search ended."""
+        """State of the search at its end, as text."""
         if not self.converged:
-            return "not converged: the best so far, without intervals"
+            return "not converged: best values so far, without intervals"
         return "converged" if self.fits else "converged, but the model does not fit"
 
     def sensors_of(self, recording: str) -> dict[str, NamedNumbers]:
@@ -139,7 +139,7 @@ class DriveFit(Fit, kind="drive"):
             warning states the error of this combination.
         """
         if not self.converged:
-            warn("the search did not reach its end: the drive gets the best values so far, without intervals")
+            warn("the search did not converge: the drive gets the best values so far, without intervals")
         if self.determined:
             warn_of_mixture(self.notes, set(self.values) - {*self.determined}, same_start=drive in (None, self.start))
         return apply_identified(
@@ -192,7 +192,7 @@ class DriveFit(Fit, kind="drive"):
 
 
 def warn_of_mixture(notes: Sequence[str], kept: Collection[str], *, same_start: bool) -> None:
-    """Warn of start values combined with fitted values; include the error of this combination if known.
+    """Warn that start values are combined with fitted values; state the error of this combination if known.
 
     Parameters
     ----------
@@ -231,20 +231,20 @@ def applied_note(solved: Solved, kept: Collection[str]) -> list[str]:
     mixed = fitted.copy()
     mixed[places] = [problem.parameters[i].value for i in places]
     before, after = _free_run(solved, fitted), _free_run(solved, mixed)
-    words = f"{KEPT}{', '.join(problem.parameters[i].name for i in places)} in addition to the fitted values: "
+    words = f"{KEPT}{', '.join(problem.parameters[i].name for i in places)} together with the fitted values: "
     if not after:
-        return [f"{words}this mixture cannot be simulated"]
+        return [f"{words}this combination cannot be simulated"]
     shown = {c.name: readable(c.unit) for e in problem.experiments for c in e.channels}
     errors = []
     for name, error in after.items():
         factor, unit = shown[name]
         fitted_words = f" (fitted values: {plain(before[name] / factor)} {unit})" if before else ""
         errors.append(f"{plain(error / factor)} {unit} in {name}{fitted_words}")
-    return [f"{words}the error of a free run of this mixture is {', '.join(errors)}, rms"]
+    return [f"{words}the rms error of a free run is then {', '.join(errors)}"]
 
 
 def _free_run(solved: Solved, values: Array) -> NamedNumbers:
-    """Return the root mean square error of each channel of free runs, SI; empty if a run fails."""
+    """Return the root mean square error of each channel of free runs in SI; empty if a run fails."""
     problem = solved.problem
     whole = [replace(experiment, starts=np.zeros(1, dtype=np.int64)) for experiment in problem.experiments]
     free = FitProblem(problem.parameters, problem.sensors, problem.transforms, whole)
@@ -269,7 +269,7 @@ _TERMS = ("force_n", "friction_n", "end_stop_force_n", "pressure_rate_a_pa_s", "
 
 
 def model_errors(drive: Drive | Circuit, solved: Solved) -> NamedNumbers:
-    """Return the assumed minimum of the model error of each free value that affects sliding, SI."""
+    """Return the assumed minimum of the model error of each free value that affects sliding, in SI."""
     if not drive.is_plain:  # the balances of the chambers differ
         return {}
     found = zip(solved.problem.parameters, solved.values.tolist(), strict=False)
@@ -302,7 +302,7 @@ def model_errors(drive: Drive | Circuit, solved: Solved) -> NamedNumbers:
 def _balances(solved: Solved, index: int, family: DriveFamily, values: Array) -> Along:
     """Return the balances along the fitted motion of a recording, without noise.
 
-    The balances are those of force in sliding, N, and of both pressure rates, Pa/s.
+    The balances are those of force in sliding (in N) and of both pressure rates (in Pa/s).
     """
     experiment, starts = solved.problem.experiments[index], solved.at.point.states[index]
     fitted = solved.values[: solved.problem.drive_size]
@@ -394,7 +394,7 @@ def _lost(fit: DriveFit, ends: NamedIntervals, sizes: Array, weak: Array) -> lis
             reason = "the recordings do not depend on it"
         partners = [m for j, m in enumerate(names) if j != i and abs(correlation[i, j]) > TOGETHER]
         if partners:
-            reason += f", which is determined only together with {', '.join(partners)}"
+            reason += f"; it is determined only together with {', '.join(partners)}"
         out[n] = Undetermined(n, reason, remedy_for(n))
     return [out[n] for n in names if n in out]
 
@@ -407,7 +407,7 @@ def unresolved_damping(step_m: float, breakaway_n: float, stiffness_n_m: float) 
     step_m : float
         Resolution of the position sensor: the larger of its step and its noise.
     breakaway_n, stiffness_n_m : float
-        Fs and sigma0.
+        Breakaway force and bristle stiffness.
     """
     deflection = breakaway_n / stiffness_n_m
     if step_m <= RESOLVED_SHARE * deflection:
@@ -421,7 +421,7 @@ CORRELATED, SOLVER_SHARE = 10.0, 0.1
 
 
 def assembled(drive: Drive | Circuit, solved: Solved, options: SearchOptions, steps: int) -> DriveFit:
-    """Return the fit of the best search, after a number of steps."""
+    """Return the fit from the best search; `steps` is the number of steps of all searches."""
     problem, parameters, records = solved.problem, solved.problem.parameters, solved.problem.records
     values, names, size = solved.values, problem.names, problem.drive_size
     covariance, reach = solved.covariance, student(solved.freedom)
@@ -482,13 +482,13 @@ def _notes(drive: Drive | Circuit, options: SearchOptions, solved: Solved) -> li
             blind = not any(c.name.startswith("pressure") for one in problem.experiments for c in one.channels)
             more = "; a position alone does not determine the gas: record the chamber pressures" if blind else ""
             notes.append(f"the search did not converge: check the residuals, or try other segments{more}")
-        notes.append("there are no intervals, because they are valid only at the end of a search")
+        notes.append("there are no intervals, because they are valid only at a minimum")
     elif not drive.is_plain:
-        notes.append("intervals cover noise only: the model error of a drive that runs as its circuit is unknown")
+        notes.append("intervals cover noise only: the model error of a drive simulated as a circuit is unknown")
     units = numbers_of(drive)
     moved = problem.experiments[0].family.derived_values(solved.values)
     notes += [
-        f"{named_value(name, value, units[name].unit)} is derived from free values, as the drive does not give it"
+        f"{named_value(name, value, units[name].unit)} is derived from free values, because the drive does not state it"
         for name, value in moved.items()
     ]
     coloured = [
@@ -497,7 +497,7 @@ def _notes(drive: Drive | Circuit, options: SearchOptions, solved: Solved) -> li
         if tau > CORRELATED and variance > SOLVER_SHARE
     ]
     if coloured and solved.converged:
-        notes.append(f"residuals are correlated over time: {', '.join(coloured)}; intervals are widened for it")
+        notes.append(f"residuals are correlated over time: {', '.join(coloured)}; the intervals allow for this")
     if solved.missed:
         notes += [sentence("notes", "opposed", name=one.name) for one in problem.records if _opposes(one.columns)]
         off = ", ".join(f"{name} is off by {ratio:.2g} times its noise" for name, ratio in solved.missed.items())

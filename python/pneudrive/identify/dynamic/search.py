@@ -2,9 +2,9 @@
 
 There are two phases. In the first phase, segments are short and start from smoothed measurements. Only unmeasured
 states, the gas temperatures and the bristles, are carried over from the previous segment. Predictions over some
-hundredths of a second remain near the measurements even with wrong parameters. In the second phase, the starts are free
-and tied to the ends of the previous segments (multiple shooting). The linearised continuity condenses them onto the
-first start of the recording, and gaps close during the search. A single segment is single shooting.
+hundredths of a second remain near the measurements even with wrong parameters. In the second phase, the starts are
+free, and the search closes the gaps to the ends of the previous segments (multiple shooting). The linearised continuity
+conditions express all starts by the first start of the recording. A single segment is single shooting.
 
 At the end, the linearisation gives the covariance, and repeated searches give profile intervals.
 """
@@ -58,7 +58,7 @@ SHORTEST = 1e-6
 
 
 class Watcher:
-    """Keeps the best point for interruptions, and reports each step."""
+    """Keeps the best point in case of an interruption, and reports each step."""
 
     def __init__(self, watch: Watch) -> None:
         self.watch, self.count = watch, 0
@@ -112,7 +112,7 @@ def bounded_step(information: Array, gradient: Array, longest: float) -> Array:
 
 @dataclass(frozen=True)
 class Misfit:
-    """Misfit of a point.
+    """Deviation of the model from the recordings at a point of the search.
 
     Attributes
     ----------
@@ -124,7 +124,7 @@ class Misfit:
     gap : float
         Largest gap, in units of the sizes of the states.
     residuals : list of ndarray, shape (n, c)
-        Residuals in units of the noise, without closing the gaps.
+        Residuals in units of the noise, before the gaps are closed.
     """
 
     point: Iterate
@@ -136,15 +136,16 @@ class Misfit:
 
 @dataclass(frozen=True)
 class Joined(Misfit):
-    """Misfit and linearisation at a point of all recordings with joined segments.
+    """Misfit and linearisation of all recordings with joined segments, at a point of the search.
 
     Attributes
     ----------
     blocks : list of (ndarray, ndarray), shapes (P + s, P + s) and (P + s,)
-        Information and gradient of each recording, by the global coordinates and its first start in units of its prior.
+        Information and gradient of each recording, with respect to the global coordinates and its first start (in units
+        of its prior).
     slopes : list of ndarray, shape (n, c, P + s)
     carried : list of (ndarray, ndarray), shapes (k, s, P + s) and (k, s)
-        Derivative of each start by the unknowns, and its change by closing the gaps.
+        Derivative of each start with respect to the unknowns, and the change of each start that closes the gaps.
     """
 
     blocks: list[ArrayPair]
@@ -204,7 +205,7 @@ def linearise(problem: FitProblem, point: Iterate, shots: list[Shot]) -> Joined:
 
 
 def _gaps(problem: FitProblem, point: Iterate, shot: Shot, i: int) -> Array:
-    """Return the difference between each segment's end and the next one's start, shape (k - 1, s)."""
+    """Return the difference between each segment's end and the start of the next segment, shape (k - 1, s)."""
     gaps = shot.ends[:-1] - point.states[i][1:]
     if problem.is_separate:
         gaps[:, ~problem.experiments[i].hidden] = 0.0
@@ -217,7 +218,8 @@ def _condense(problem: FitProblem, point: Iterate, shot: Shot, i: int) -> ArrayP
     Returns
     -------
     ndarray (k, s, P + s), ndarray (k, s)
-        Derivatives of each start (by the first start in units of its prior), and its change by closing all gaps.
+        Derivatives of each start (with respect to the first start in units of its prior), and the change of each start
+        that closes all gaps.
     """
     k, s = point.states[i].shape
     size = problem.size
@@ -237,8 +239,8 @@ def _condense(problem: FitProblem, point: Iterate, shot: Shot, i: int) -> ArrayP
 def predict_segments(problem: FitProblem, point: Iterate, watcher: Watcher) -> Iterate:
     """Run the first phase, until the point is near enough for the second phase.
 
-    The noise is set to the present error of the model, at least the noise of the sensors. Offsets are held: because
-    segments start from the measurements, offsets act only through volumes and flows.
+    The noise is set to the present error of the model, but not below the noise of the sensors. Offsets are held,
+    because segments start from the measurements: offsets then act only through volumes and flows.
     """
     problem.is_separate = True
     problem.held = np.array([False] * problem.drive_size + [s.kind == "offset" for s in problem.sensors])
@@ -275,10 +277,10 @@ def predict_segments(problem: FitProblem, point: Iterate, watcher: Watcher) -> I
 
 
 def _shortened(problem: FitProblem, at: Joined, longest: float, share: float = 1.0) -> tuple[Misfit, float] | None:
-    """Shorten the step until it lowers the merit function, by runs without derivatives.
+    """Shorten the step until it lowers the merit function; the runs have no derivatives.
 
-    Only the step of the coordinates is shortened; `share` also shortens the step of the starts. Return the misfit of
-    the new point, and the limit of the next step; None if no step lowers the merit function.
+    Only the bound on the step of the coordinates is lowered, and the starts follow. `share` scales both steps. Return
+    the misfit of the new point, and the limit of the next step; None if no step lowers the merit function.
     """
     information, gradient = equations(problem, at)
     while longest >= SHORTEST:
@@ -351,7 +353,7 @@ PROFILE_FITS = 12
 
 @dataclass(frozen=True)
 class Solved:
-    """End of a search, with the linearisation there after elimination of the starts.
+    """End point of a search, with its linearisation after elimination of the starts.
 
     Attributes
     ----------
@@ -390,7 +392,7 @@ class Solved:
 
     @property
     def values(self) -> Array:
-        """Values of the drive, then of the sensors, SI."""
+        """Values of the drive, then of the sensors, in SI."""
         return self.problem.values(self.at.point.eta)
 
     @property
@@ -416,13 +418,13 @@ class Solved:
 
     @property
     def covariance(self) -> Array:
-        """Covariance of the values, SI."""
+        """Covariance of the values, in SI."""
         by_coordinate = self.problem.transforms.jacobian(self.at.point.eta)
         return by_coordinate @ self.internal_covariance @ by_coordinate.T
 
 
 def solution(problem: FitProblem, at: Joined) -> Solved:
-    """Return the end of a search, from the linearisation there."""
+    """Return the end point of a search from its linearisation."""
     matrix, _ = reduced(at.blocks, problem.size)
     matrix += np.diag(problem.prior)
     size = problem.size
@@ -462,10 +464,11 @@ def correlation_time(residual: Array) -> float:
 
 
 def profile(solved: Solved, name: str, least: float | None = None) -> Interval:
-    """Return the interval of one value by profile likelihood, SI.
+    """Return the interval of one value by profile likelihood, in SI.
 
-    With all other values refitted, the cost may increase by Student's t squared times the inflation of the residuals.
-    If the cost never increases that much, the end of the interval is the bound of the value.
+    Within the interval, the cost with all other values refitted increases by at most Student's t squared times the
+    inflation of the residuals. If the cost never increases that much, the end of the interval is the bound of the
+    value.
 
     Parameters
     ----------
@@ -483,7 +486,7 @@ def profile(solved: Solved, name: str, least: float | None = None) -> Interval:
     allowed = reach**2 * (spread / plain) ** 2 if plain > 0.0 else reach**2
 
     def held(value: float, start: Iterate) -> tuple[float, Iterate]:
-        """Return the best cost with the coordinate held, and its point."""
+        """Return the lowest cost with the coordinate held at a value, and the point of this cost."""
         eta = start.eta.copy()
         eta[index] = value
         problem.held = np.arange(problem.size) == index

@@ -84,12 +84,12 @@ class Sensor:
     noise : quantity, optional
         Standard deviation of white noise; by default estimated from the residuals.
     offset : quantity or ``"free"``
-        Error added by the sensor; free means one for each recording.
+        Error added by the sensor; ``"free"``: one offset for each recording.
     offset_uncertainty : quantity, optional
         Standard uncertainty of a free offset, from a datasheet, as prior of the fit.
     gain : float or ``"free"``
     lag : quantity or ``"free"``
-        Time constant of first order.
+        Time constant of the first-order lag.
     resolution : quantity
         Step of an encoder or a converter.
     """
@@ -119,7 +119,7 @@ class Channel:
 
     @property
     def offset_spread(self) -> float:
-        """Prior standard deviation of a free offset, in the unit of the channel; the default is assumed by its unit."""
+        """Prior standard deviation of a free offset, in the unit of the channel; the default is an assumption."""
         return self.offset_uncertainty if np.isfinite(self.offset_uncertainty) else 5.0 * OFFSET_SIZE[self.unit]
 
 
@@ -135,7 +135,7 @@ def channel(name: str, sensor: Sensor | Keyed) -> Channel:
     Raises
     ------
     FitError
-        A keyword is unknown, a quantity has another dimension, or is out of bounds.
+        A keyword is unknown, or a quantity has another dimension or is out of bounds.
     """
     unit, known = meaning(CHANNELS[name])[1], [field.name for field in fields(Sensor)]
     properties = vars(sensor) if isinstance(sensor, Sensor) else sensor
@@ -151,7 +151,7 @@ def channel(name: str, sensor: Sensor | Keyed) -> Channel:
 
 
 def command_delay(sensors: Mapping[str, Sensor | Keyed] | None) -> float | None:
-    """Return the delay of the valve after the recorded command, s, from ``{"command": {"delay": "2 ms"}}``.
+    """Return the delay of the valve after the recorded command in s, from ``{"command": {"delay": "2 ms"}}``.
 
     None stands for ``"free"``: a delay is fitted for each recording.
 
@@ -174,7 +174,7 @@ def _si(given: Any, unit: str, what: str, least: float) -> float:  # noqa: ANN40
         value = parse(given, unit) if isinstance(given, str) and unit else float(given)
     except (DescriptionError, TypeError, ValueError) as error:
         reason = error.what if isinstance(error, DescriptionError) else f"{given!r} is not a quantity"
-        raise FitError(f"sensor {what}: {reason}", rule=f"a quantity in {unit or 'pure numbers'}") from None
+        raise FitError(f"sensor {what}: {reason}", rule=f"a quantity in {unit}" if unit else "a number") from None
     if not (np.isfinite(value) and value >= least):
         raise FitError(f"sensor {what} = {given} is out of bounds", rule="finite and not negative")
     return value

@@ -12,10 +12,10 @@ Modelica Standard Library 4, MassWithStopAndFriction [modelica-mass-with-stop-an
 Both laws are linear in their forces at a given speed scale. For each of many scales, the forces are found by
 non-negative least squares. The best scale is refined between its neighbours.
 
-The friction curve as one function of a PLC (IEC 61131-3, structured text), for a feed-forward.
+Structured text (IEC 61131-3): the friction curve as one function of a PLC, for feed-forward.
 
-Between the lowest and the highest speed, the curve is a cubic spline over ln v. Even knots allow finding the interval
-without a search::
+Between the lowest and the highest speed, the curve is a cubic spline over ln v. Its knots are equally spaced, so that
+the interval is found without a search::
 
   u = (ln |v| - ln v_low)/h,   k = trunc(u),   d = u - k
   F = sign(v) (c0 + c1 d + c2 d^2 + c3 d^3)                                                         [N]
@@ -97,12 +97,12 @@ class SlidingCurve(Shown):
 
 
 def speeds_over(between: object, source: str) -> Array:
-    """Return the speeds of a curve between two limits, m/s; `source` names the object without limits, for messages.
+    """Return the speeds of a curve between two limits, in m/s; errors name the `source` if it has no limits.
 
     Raises
     ------
     FitError
-        The limits are missing, or not ascending above zero.
+        The limits are missing, not positive, or not ascending.
     """
     if not isinstance(between, (list, tuple)):
         raise FitError.of("identify.no_speeds", source=source)
@@ -159,12 +159,12 @@ def _numbers_of_lists(part: Described, path: str) -> Iterator[tuple[str, GivenNu
 
 
 def _written(friction: Friction) -> Iterator[tuple[str, Any]]:
-    """Yield the values of a written table, also those of its lists, by dotted names."""
+    """Yield the values that a friction table states, including those in lists, with dotted names."""
     return toml.leaves(friction.to_dict(), is_inner=lambda value: isinstance(value, dict | list))
 
 
 def _is_refused(drive: Drive, key: str, value: GivenNumber) -> bool:
-    """Return whether the drive does not have the key of a default."""
+    """Return whether the drive rejects the key of a default value."""
     try:
         drive.replace({key: value.mark.show(value.si) if isinstance(value.mark, Quantity) else value.si})
     except DescriptionError as error:
@@ -196,7 +196,7 @@ def curve_of_friction(
 def steady_friction(
     core: Keyed, velocity_m_s: Array, gauge_a_pa: float, gauge_b_pa: float, position_m: float = 0.0
 ) -> Array:
-    """Return the steady friction of a law against the motion, N, at velocities, gauge pressures and a position.
+    """Return the steady friction of a law in N, against the motion, at velocities, gauge pressures and a position.
 
     Parameters
     ----------
@@ -239,7 +239,7 @@ class Exported(Shown):
     ----------
     tool : str
     parameters : dict
-        Name in the tool -> value, SI. Empty if the tool has the same parameters.
+        Name in the tool -> value in SI. Empty if the tool has the same parameters.
     curve : SlidingCurve
         Curve of pneudrive.
     converted_n : ndarray, shape (n,)
@@ -259,12 +259,12 @@ class Exported(Shown):
 
     @property
     def worst_n(self) -> float:
-        """Greatest deviation from the curve of pneudrive, N."""
+        """Greatest deviation from the curve of pneudrive, in N."""
         return float(np.abs(self.converted_n - self.curve.friction_n).max())
 
     @property
     def worst_percent(self) -> float:
-        """Greatest deviation relative to the friction at the same speed, %."""
+        """Greatest deviation relative to the friction at the same speed, in %."""
         return 100.0 * float(np.abs(self.converted_n / self.curve.friction_n - 1.0).max())
 
     def remarks(self) -> list[str]:

@@ -43,7 +43,7 @@ class DrivenRecording:
     nodes : tuple of ndarray
         Times and positions of the nodes. Between nodes, the velocity is constant.
     grid_s : ndarray
-        Times of the comparison, from 0.
+        Times at which pressures are compared, from 0.
     pressures_pa : ndarray
         Measured pressures a and b at these times, shape (2, n).
     positions_m : ndarray
@@ -69,15 +69,15 @@ class DrivenRecording:
 
     @property
     def ranges_pa(self) -> Array:
-        """Range of each pressure."""
+        """Highest minus lowest value of each pressure."""
         return np.ptp(self.pressures_pa, axis=1)
 
     def within(self, part: Interval) -> Bools:
-        """Return a mask of the times of the comparison within a time span, s."""
+        """Return a mask of the comparison times within a time span in s."""
         return (self.grid_s >= part[0]) & (self.grid_s <= part[1])
 
     def is_open(self, volumes: Array) -> bool:
-        """Whether pressures stay constant although the volumes (2, n) change: the chambers are open."""
+        """Return whether the chambers are open: pressures stay constant while the volumes, shape (2, n), change."""
         steady = self.ranges_pa / self.pressures_pa.mean(axis=1)
         ratio = volumes.max(axis=1) / volumes.min(axis=1)
         return bool((steady < OPEN_CHANGE).all() and (ratio > OPEN_VOLUME).any())
@@ -99,7 +99,7 @@ def driven_recordings(recordings: MotionRecordings, layout: AnyLayout = None) ->
     Raises
     ------
     RecordingError, LayoutError
-        If a file cannot be read, or a channel is missing.
+        A file cannot be read, or a channel is missing.
     """
     items = [recordings] if isinstance(recordings, str | Path | Recording) else list(recordings)
     files = [item for item in items if not isinstance(item, Recording)]
@@ -108,7 +108,7 @@ def driven_recordings(recordings: MotionRecordings, layout: AnyLayout = None) ->
 
 
 def driven_recording(recording: Recording) -> DrivenRecording:
-    """Prepare one recording.
+    """Prepare one recording: nodes of the motion, comparison times, pressures and noise.
 
     Raises
     ------
@@ -147,7 +147,7 @@ def _step(values: Array) -> float:
 
 
 def straight_lines(time_s: Array, position_m: Array, tolerance_m: float) -> NDArray[np.intp]:
-    """Return indices of samples; straight lines between them are within a tolerance of the motion (Douglas-Peucker)."""
+    """Return indices of samples between which straight lines follow the motion within a tolerance (Douglas-Peucker)."""
     keep = np.zeros(time_s.size, dtype=bool)
     keep[[0, -1]] = True
     parts = [(0, time_s.size - 1)]
@@ -194,7 +194,7 @@ class Number(NamedTuple):
 
 
 class DrivenCircuit:
-    """A circuit of one piston between two chambers whose motion is prescribed.
+    """A circuit with one piston between two chambers. The motion of the piston is prescribed.
 
     Parameters
     ----------
@@ -228,7 +228,7 @@ class DrivenCircuit:
         return next((name for name in names if name in self.parts and self.parts[name]["kind"] == kind), None)
 
     def _machine(self, mass_kg: float) -> str:
-        """Return the motor at the rod, made stiff. Add a motor to the rod if the circuit has none."""
+        """Make the motor at the rod stiff, and return its name. Add a motor if the circuit has none."""
         name = self._neighbour("rod", "motor")
         if name is None:
             name = "machine"
@@ -260,7 +260,7 @@ class DrivenCircuit:
         raise FitError(**stated("readings", "no_gas", side=side))
 
     def numbers_of(self, asked: Sequence[str]) -> list[Number]:
-        """Return the free parameters of groups and names, and add missing components and keys.
+        """Return the free parameters of groups and names, and add missing components and keys to the circuit.
 
         Raises
         ------
@@ -363,7 +363,7 @@ class DrivenCircuit:
         return {"a": self._dead("a") + a * position_m, "b": self._dead("b") + b * (self.stroke_m - position_m)}
 
     def run(self, form: str, record: DrivenRecording, start: Sequence[float] | Array, until: float) -> Array:
-        """Return the pressures of both chambers at the grid of a recording, up to a time; NaN after it.
+        """Return the pressures of both chambers at the comparison times of a recording; NaN after `until`.
 
         Parameters
         ----------
@@ -373,7 +373,7 @@ class DrivenCircuit:
         start : array
             Pressures a and b in Pa, temperatures a and b in K, at the first sample.
         until : float
-            Time at which the run ends, s.
+            Time in s at which the run ends.
         """
         columns = [f"{self.piston}.{side}.pressure_pa" for side in SIDES]
         found = self._recorded(_core.Circuit(form), record, start, until, columns)
@@ -382,7 +382,7 @@ class DrivenCircuit:
         return np.pad(pressures, ((0, 0), (0, missing)), constant_values=np.nan)
 
     def trajectory(self, record: DrivenRecording) -> Columns:
-        """Return all columns of a run along a recording, at its grid of times.
+        """Return all columns of a run along a recording, at its comparison times.
 
         The run starts with the measured pressures at wall temperature.
         """

@@ -45,7 +45,7 @@ NEAR_AMBIENT = 0.1  # of the ambient pressure: largest distance of an open chamb
 def check_readings(
     driven: DrivenCircuit, records: Sequence[DrivenRecording]
 ) -> tuple[list[DrivenRecording], list[str]]:
-    """Reject recordings that cannot belong to the circuit; return those with open chambers, and warnings.
+    """Reject recordings that cannot belong to the circuit; return recordings with open chambers, and warnings.
 
     Raises
     ------
@@ -91,7 +91,7 @@ def _open_doubts(driven: DrivenCircuit, record: DrivenRecording) -> list[str]:
         twice = (np.abs(means - 2.0 * ambient) < NEAR_AMBIENT * ambient).all()
         shown = " and ".join(f"{mean / 1e5:.4g} bar in {'ab'[k]}" for k, mean in enumerate(means) if far[k])
         cause = "the pressures are read as gauge, but seem to be absolute" if twice else "check the unit"
-        found.append(f"the chambers are open, but have {shown} at {ambient / 1e5:.4g} bar of the ambient air: {cause}")
+        found.append(f"the chambers are open, but have {shown}, not the ambient {ambient / 1e5:.4g} bar: {cause}")
     speed = np.gradient(record.positions_m, record.grid_s)
     ways = zip(SIDES, record.pressures_pa, (speed, -speed), strict=True)
     moving = [side for side, p, rate in ways if np.ptp(p) > 0.0 and np.corrcoef(p, rate)[0, 1] > OPEN_TOGETHER]
@@ -103,7 +103,8 @@ def _open_doubts(driven: DrivenCircuit, record: DrivenRecording) -> list[str]:
 def misfit_notes(solution: FollowSolution) -> list[str]:
     """Return the likely causes of residuals that are too large for this model.
 
-    One cause is the other reading of pressures (gauge or absolute), if the recordings fit better with it.
+    A possible cause is pressures that were read as gauge instead of absolute, or the reverse. It is returned if the
+    recordings fit better with the other reading.
     """
     problem, point = solution.problem, solution.point
     ambient = problem.driven.form["ambient"]["pressure_pa"]
@@ -138,7 +139,7 @@ class Rival:
     ----------
     name, words : str
     fit_percent : float
-        Worst residual of the fit, % of the range.
+        Worst residual of the fit, in % of the range.
     gain : float
         Sum of squared residuals of the fit, divided by that of the requested model.
     predictions : tuple of float
@@ -166,9 +167,9 @@ class Rival:
         if self.name == "held":
             return f"sum of squares {self.gain:.2f} times that with free start and delay"
         if not self.predictions:
-            return f"not determined, changes the sum of squares to {100 * self.gain:.0f} %"
+            return f"not determined; the sum of squares changes to {100 * self.gain:.0f} %"
         shown = ", ".join(f"{100 * p:.0f} %" for p in self.predictions)
-        last = "earns its place" if self.earns else "is not accepted"
+        last = "accepted" if self.earns else "not accepted"
         return f"sum of squares {100 * self.gain:.0f} % in the fit, {shown} in predictions: {last}"
 
 
@@ -279,7 +280,7 @@ def identify_motion(
     """Identify parameters of a circuit from its chamber pressures along a recorded motion.
 
     Start pressures, start temperatures and the delay of the pressures are free in each recording. If a recording starts
-    at rest, the start temperature has a prior of wall temperature within 2 K.
+    at rest, the prior of the start temperature is the wall temperature within 2 K.
 
     Parameters
     ----------
@@ -306,7 +307,7 @@ def identify_motion(
     """
     watch = Watch(progress, cancel)
     if not free:
-        raise FitError("no number is free", remedy=f"Name some of {', '.join(GROUPS)}.")
+        raise FitError("no parameter is free", remedy=f"Name some of {', '.join(GROUPS)}.")
     described = circuit if isinstance(circuit, Circuit) else Circuit.load(circuit)
     records = driven_recordings(recordings, layout)
     driven = DrivenCircuit(described)
@@ -362,7 +363,7 @@ def _result(
     heat = {side: problem.driven.heat_w_k(side) for side in SIDES}
     passed = [f"{plain(value)} W/K in chamber {side}" for side, value in heat.items() if value]
     if passed and any(name.endswith("heat_transfer") for name in values):
-        notes = [*notes, f"heat between gas and wall, dead volume and piston faces: {', '.join(passed)}"]
+        notes = [*notes, f"heat transfer between gas and wall, for dead volume and piston faces: {', '.join(passed)}"]
     if not solution.converged:
         notes = [*notes, "the search did not converge: give other start values"]
     return FollowFit(
@@ -516,7 +517,7 @@ def fitted_pressures(solution: FollowSolution) -> dict[str, FittedData]:
 
 
 def described_circuit(circuit: FollowFit | Circuit | str | Path) -> tuple[Circuit, FollowFit | None]:
-    """Return a circuit, and the fit along motions from which it comes."""
+    """Return the circuit of a fit along motions and the fit, or a circuit and None."""
     fit = FollowFit.from_toml(str(circuit)) if FollowFit.is_file(circuit) else circuit
     if isinstance(fit, FollowFit):
         return fit.circuit, fit
@@ -531,12 +532,12 @@ def simulate_motion(
 ) -> tuple[dict[str, NDArray[Any]], Plain]:
     """Simulate a circuit whose piston follows the position of a recording.
 
-    The run starts with the measured pressures at the temperature of the walls. The motion has no compliance.
+    The run starts with the measured pressures at the temperature of the walls. The piston follows the motion exactly.
 
     Parameters
     ----------
     circuit : FollowFit, Circuit or path
-        Path of a circuit, or of a fit along motions.
+        A path is that of a circuit file, or of the file of a fit along motions.
     recording : path or Recording
     layout : Layout or path, optional
 

@@ -63,7 +63,7 @@ class FollowProblem:
     numbers : sequence of Number
         Shared parameters. Empty: only start and delay of each recording are fitted.
     parts : sequence of (float, float)
-        Time span of each recording with residuals, s.
+        Compared time span of each recording, in s.
     is_held : bool
         Whether each recording starts at wall temperature and has no delay; otherwise, both are free.
     model : str
@@ -80,7 +80,7 @@ class FollowProblem:
     weights: Sequence[Array] = ()
 
     def __post_init__(self) -> None:
-        """Set the weights before the first fit, or copy those of another problem, because a fit updates its weights."""
+        """Set the first weights, or copy the given ones: a fit updates the weights of its problem."""
         self.parts = self.parts or [(0.0, np.inf)] * len(self.records)
         self.weights = list(self.weights or map(_first_weights, self.records))
 
@@ -160,7 +160,7 @@ class FollowSolution:
 
     @property
     def cost(self) -> float:
-        """Half the sum of squares of the residuals, and of the changes relative to their priors."""
+        """Half the sum of squares of the residuals, and of the deviations of the parameters from their priors."""
         total = 0.0
         for at, residual in enumerate(self.residuals):
             total += np.sum(residual**2)
@@ -168,11 +168,11 @@ class FollowSolution:
         return 0.5 * total
 
     def shown(self, at: int) -> Array:
-        """Return the simulated readings of both pressures of a recording, Pa; NaN outside the run."""
+        """Return the simulated readings of both pressures of a recording in Pa; NaN outside the run."""
         return self.problem.shown(at, self.raws[at], float(self.point.local[at, 4]))
 
     def rest(self, at: int) -> Array:
-        """Return measured minus simulated pressures of a recording, Pa; NaN without a simulated value."""
+        """Return measured minus simulated pressures of a recording in Pa; NaN without a simulated value."""
         return self.problem.records[at].pressures_pa - self.shown(at)
 
     def rms(self, at: int, part: Interval = (0.0, np.inf)) -> Array:
@@ -188,7 +188,7 @@ class FollowSolution:
 
     @property
     def values(self) -> NamedNumbers:
-        """Shared parameters by name, SI."""
+        """Shared parameters by name, in SI."""
         return by_name((number.name for number in self.problem.numbers), np.exp(self.point.shared))
 
     @property
@@ -229,7 +229,7 @@ def simulated(problem: FollowProblem, point: FollowPoint) -> FollowSolution:
 
 
 def _jacobians(found: FollowSolution, pool: ThreadPoolExecutor) -> list[Array]:
-    """Return the Jacobian of each recording's residuals: shared parameters, then separate ones."""
+    """Return the Jacobian of each recording's residuals: by shared parameters, then by those of the recording."""
     problem, point, residuals = found.problem, found.point, found.residuals
     shared, groups = len(problem.numbers), _groups(problem)
     jobs, steps = [], np.r_[np.full(shared, SHARED_STEP), STEPS]
@@ -253,9 +253,9 @@ def _jacobians(found: FollowSolution, pool: ThreadPoolExecutor) -> list[Array]:
 
 
 def _groups(problem: FollowProblem) -> list[dict[int, int | slice]]:
-    """Return the parameters that are changed in each run -> rows of the residuals that they affect.
+    """Return, for each run, the changed parameters -> rows of the residuals that they affect.
 
-    If no gas passes between the chambers, a run changes a parameter of each chamber. The delay needs no run.
+    If no gas passes between the chambers, one run changes one parameter of each chamber. The delay needs no run.
     """
     sides = [number.side for number in problem.numbers] + list("ab" if problem.is_held else "abab")
     chambers = ([column for column, own in enumerate(sides) if own == side] for side in SIDES)
@@ -295,7 +295,7 @@ def _search(problem: FollowProblem, point: FollowPoint, pool: ThreadPoolExecutor
         raise FitError(f"the circuit cannot be simulated at the start values: {error}") from None
     damping, small, start = 1e-3, 0, problem.begin().shared
     for step in range(MOST_STEPS):
-        problem.watch.tell(step, MOST_STEPS, f"{problem.model}: steps of a search, most")
+        problem.watch.tell(step, MOST_STEPS, f"{problem.model}: steps of the search, at most")
         matrix, gradient = _normal(found, _jacobians(found, pool))
         diagonal = np.diag(matrix).copy()
         if is_first and step == 0:  # no shared number may be without an effect on the pressures
@@ -335,7 +335,7 @@ def _weights(found: FollowSolution, at: int) -> Array:
 
 
 def _correlation_time(rest: Array) -> float:
-    """Return the integral correlation time of residuals, samples: at least 1, summed up to the first negative value."""
+    """Return the correlation time of residuals in samples: at least 1, summed up to the first negative value."""
     centred = rest - rest.mean()
     n = centred.size
     spectrum = np.abs(np.fft.rfft(centred, 2 * n)) ** 2

@@ -285,7 +285,7 @@ def interval_over_shapes(found: RobustEstimate, intervals: NamedIntervals) -> Na
     would be too narrow. Parameters of the shape keep their own intervals.
     """
     model, out = found.model, dict(intervals)
-    if not model.stribeck or model.exponent is None or found.dof < 1:
+    if not model.stribeck or model.exponent is None:
         return out
     for exponent, lorentzian in SHAPES:
         if (exponent, lorentzian) != (model.exponent, model.lorentzian):

@@ -1,7 +1,7 @@
 """Fits of friction laws to friction maps.
 
 `fit_friction` is for laws that are linear in their forces. It gives profile intervals, and fits only the part of the
-law that the data determine. `fit_any_law` uses only the bounds of a law: the search has several starts, and the
+law that the data determine. `fit_any_law` needs only the bounds of a law. Its search has several starts, and its
 intervals are first order, in the logarithm of positive parameters. Parameters without effect on steady sliding keep
 their given values.
 """
@@ -43,7 +43,7 @@ GroupFits: TypeAlias = dict[str, dict[str, FrictionFit]]
 
 
 def fit_friction(
-    friction_map: xr.Dataset,
+    friction_map: sliding.AnyMap,
     law: str = "stribeck",
     *,
     pressure_dependence: bool = False,
@@ -56,22 +56,22 @@ def fit_friction(
 
     Parameters
     ----------
-    friction_map : xarray.Dataset
-        As returned by :func:`pneudrive.characterise`: one dimension ``row``, SI units.
+    friction_map : xarray.Dataset, path-like or Characterisation
+        As returned by :func:`pneudrive.characterise`: one dimension ``row``, SI units; its file; a result with a map.
     law : str
         ``coulomb`` (with a viscous part), ``stribeck`` (Gaussian), or with a shape: ``stribeck exponential``,
         ``stribeck lorentzian`` or ``stribeck free`` (the exponent is fitted).
     pressure_dependence : bool
         Whether Coulomb and breakaway force depend on the gauge pressure of each chamber, see `pressure`.
     direction : int or None
-        None: friction of paired directions. +1 or -1: only that direction, from the force balance; the zero of the
-        force is then part of the Coulomb force.
+        None: friction of paired directions. +1 or -1: only that direction, from the force balance; the Coulomb force
+        then contains the zero error of the force sensor.
     pressure : str
         Form of `pressure_dependence`: ``linear`` in the gauge pressures; ``quadratic``; ``saturating``, with g/(1 +
         g/knee) instead of each gauge pressure g and the most likely of a few knees; or ``interaction``, with the
         product of both.
     viscous : bool
-        Whether to fit a viscous part. False holds it at zero, for nearly equal speeds.
+        Whether to fit a viscous part. False holds it at zero; use this for nearly equal speeds.
     exclude_flags : collection of str
         Rows with any of these flags are left out; by default those of stick-slip.
 
@@ -90,9 +90,9 @@ def fit_friction(
     Rows are weighted by their statistical standard error. A common scale of these errors is estimated from the
     residuals, so that intervals stay valid if the stated errors are too small by a factor. Intervals use Student's t.
     The intervals of Stribeck velocity and breakaway force use the profile likelihood, because they are far from
-    symmetric. Intervals of forces cover all Stribeck shapes that fit equally well. Systematic uncertainty, shared by
-    all rows, is given separately for each parameter (`FrictionFit.systematic`). Methods: [huber2009], [bates1988],
-    [smyth2004], [paule1982].
+    symmetric. Intervals of forces cover all Stribeck shapes that fit equally well. All rows share the systematic
+    uncertainty, which is given separately for each parameter (`FrictionFit.systematic`). Methods: [huber2009],
+    [bates1988], [smyth2004], [paule1982].
     """
     forms = sliding.PRESSURE_FORMS
     for given, names, what in ((law, sliding.NAMES, "sliding law"), (pressure, forms, "dependence on pressure")):
@@ -127,7 +127,7 @@ def fit_values(
     pressure : str or None
         Dependence on pressure, one of ``PRESSURE_FORMS``; None: no dependence.
     notes, options
-        Added to the result and to its provenance.
+        Notes for the result, and options for its provenance.
     """
     model, lost = selection.choose_model(wanted, data, pressure=pressure)
     found, intervals, unsupported = selection.shrunk_to_the_data(selection.with_knee(model, data), data)
@@ -140,7 +140,7 @@ def fit_values(
 
 
 def _ranges(data: sliding.Observations) -> dict[str, list[float]]:
-    """Return the lowest and highest speed and gauge pressures, and the speeds. Outside, the fit is an extrapolation."""
+    """Return the speeds, and the ranges of speed and gauge pressures; outside, the fit is an extrapolation."""
     columns = {"speed_m_s": data.speed_m_s, "gauge_a_pa": data.gauge_a_pa, "gauge_b_pa": data.gauge_b_pa}
     ends = {name: [float(values.min()), float(values.max())] for name, values in columns.items()}
     return ends | {"speed_levels_m_s": [low for low, _ in distinct_levels(data.speed_m_s)]}
@@ -217,15 +217,15 @@ FARTHEST_LOG = 14.0
 
 
 def fit_any_law(
-    friction_map: xr.Dataset,
+    friction_map: sliding.AnyMap,
     friction: Friction,
     free: Sequence[str] | None = None,
 ) -> LawFit:
-    """Fit the steady sliding of any law to a friction map.
+    """Fit any friction law to the steady sliding friction of a map.
 
     Parameters
     ----------
-    friction_map : xarray.Dataset
+    friction_map : xarray.Dataset, path-like or Characterisation
         As for :func:`fit_friction`.
     friction : Friction
         Built-in or custom law with guesses of its parameters. Its modifiers (pressure, direction) are kept.
@@ -268,7 +268,7 @@ def fit_any_law(
         unseen=tuple(n for n in known if n not in seen),
         notes=tuple(notes),
         statistics=found.statistics(),
-        provenance={"version": __version__, "map_sha256": sliding.fingerprint(data)} | provenance,
+        provenance={"version": __version__, "map_sha256": sliding.fingerprint(data), **_ranges(data)} | provenance,
         observations=data,
         profiler=partial(_profile, found),
     )
@@ -333,7 +333,7 @@ def fit_characterisation(characterisation: Characterisation) -> tuple[GroupFits,
 
 
 def fit_file(group: str) -> str:
-    """Return the name of the file of a group's fit.
+    """Return the file name of the fit of a group.
 
     Examples
     --------
@@ -346,7 +346,7 @@ def fit_file(group: str) -> str:
 def fit_groups(
     table: xr.Dataset, names: Sequence[str], exclude_flags: Sequence[str] = sliding.NOT_SLIDING
 ) -> tuple[GroupFits, list[str]]:
-    """Fit each law to each group of rows of a map. Return group -> law -> fit, and failed fits.
+    """Fit each law to each group of rows of a map. Return group -> law -> fit, and notes on failed fits.
 
     Friction may depend on pressure if the group has several pressures.
     """

@@ -14,19 +14,22 @@ from __future__ import annotations
 import hashlib
 from dataclasses import asdict, dataclass, field, fields, replace
 from functools import cached_property
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from pneudrive import _core
 from pneudrive.arrays import Array, ArrayPair, Bools, Columns, Ints, Keyed, NamedNumbers, Plain, by_name
+from pneudrive.constants import STANDARD_ATMOSPHERE_PA
 from pneudrive.errors import FitError
 from pneudrive.estimate.autocorrelation import moderate
 from pneudrive.estimate.estimates import Transforms
 from pneudrive.files.inputs import INPUTS, stored_input
-from pneudrive.friction.friction_map import FILE
+from pneudrive.friction.friction_map import FILE, read_map
 from pneudrive.identify.base import SIMULATED
 from pneudrive.identify.identified import number_table, sentence
+from pneudrive.units import parse, parse_pressure
 
 if TYPE_CHECKING:
     from collections.abc import Collection
@@ -35,6 +38,9 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
     from pneudrive.describe.tables.friction import Friction
+    from pneudrive.friction.characterisation import Characterisation
+
+    AnyMap = xr.Dataset | Characterisation | str | Path
 
 
 #: Forces that may depend on pressure.
@@ -67,7 +73,7 @@ class Observations:
     Attributes
     ----------
     speed_m_s, friction_n, stderr_n : ndarray, shape (n,)
-        Speed (> 0), friction (> 0 opposes the motion), its standard error after moderation.
+        Speed (> 0), friction (> 0 opposes the motion), its standard error (moderated over all rows).
     gauge_a_pa, gauge_b_pa : ndarray, shape (n,)
         Gauge pressures of the chambers.
     u_systematic_n : ndarray, shape (n,)
@@ -86,23 +92,32 @@ class Observations:
 
     @property
     def gauges_pa(self) -> ArrayPair:
-        """Gauge pressures of chambers a and b, Pa; one value for each row."""
+        """Gauge pressures of chambers a and b in Pa; one value for each row."""
         return self.gauge_a_pa, self.gauge_b_pa
 
     def __len__(self) -> int:
         return int(self.speed_m_s.size)
 
     def take(self, rows: Bools | Ints) -> Observations:
-        """Return some of the rows."""
+        """Return the observations in these rows."""
         return Observations(*(getattr(self, field.name)[rows] for field in fields(self)))
 
 
-def at_conditions(*conditions: ArrayLike) -> Observations:
-    """Return rows without friction values at the given speeds and gauge pressures (broadcast), to evaluate a law."""
-    alike = np.broadcast_arrays(*(np.asarray(values, dtype=float) for values in conditions))
-    speed, a, b = (values.ravel() for values in alike)
+def at_conditions(
+    speed_m_s: ArrayLike, gauge_a_pa: ArrayLike, gauge_b_pa: ArrayLike, ambient_pa: float = STANDARD_ATMOSPHERE_PA
+) -> Observations:
+    """Return rows at the given speeds and gauge pressures (broadcast) to evaluate a law; friction is a dummy.
+
+    A condition is numbers in SI or a quantity, such as ``"3 bar abs"`` at an absolute ambient pressure in Pa. The sign
+    of a speed is ignored.
+    """
+    given: list[Any] = [parse(speed_m_s, "m/s") if isinstance(speed_m_s, str) else speed_m_s]
+    for gauge in (gauge_a_pa, gauge_b_pa):
+        is_text = isinstance(gauge, str)
+        given.append(parse_pressure(gauge).absolute_pa(ambient_pa) - ambient_pa if is_text else gauge)
+    speed, a, b = (values.ravel() for values in np.broadcast_arrays(*(np.asarray(v, dtype=float) for v in given)))
     one = np.ones(speed.size)
-    return Observations(speed, one, one, a, b, 0.0 * one, np.zeros(one.size, np.int64))
+    return Observations(np.abs(speed), one, one, a, b, 0.0 * one, np.zeros(one.size, np.int64))
 
 
 class StaticLaw:
@@ -121,7 +136,7 @@ class StaticLaw:
         return self.transforms.internal(theta)
 
     def value(self, q: Array, data: Observations) -> Array:
-        """Return the friction at the rows of `data`, shape (n,), N."""
+        """Return the friction at the rows of `data` in N, shape (n,)."""
         return self.force_and_slopes(self.transforms.natural(q), data)[0]
 
     def value_and_jacobian(self, q: Array, data: Observations) -> ArrayPair:
@@ -150,7 +165,7 @@ class FrictionModel(StaticLaw):
     pressure : str
         Dependence of the forces on the chambers' pressures, one of ``PRESSURE_FORMS``.
     knee_pa : float or None
-        Gauge pressure at which a saturating dependence has half of the force of its initial slope.
+        Gauge pressure at which a saturating dependence has half of the force that its initial slope would give.
     """
 
     law: str
@@ -288,7 +303,7 @@ class FrictionModel(StaticLaw):
         return force, np.column_stack([columns[name] for name in self.names])
 
     def linear_columns(self, data: Observations, log_velocities: Array, log_exponent: float | None) -> Array:
-        """Return the columns of the natural force parameters at Stribeck velocities (g,), shape (g, n, p).
+        """Return the columns (g, n, p) of the natural force parameters at Stribeck velocities (g,).
 
         The Stribeck curve depends only on v / vs, so that one call of the core covers all velocities.
         """
@@ -388,9 +403,9 @@ class AnyLaw(StaticLaw):
     names : tuple of str
         Free parameters of the law.
     start : tuple of float
-        Start values, SI; the default is the values of `friction`.
+        Start values in SI; default: the values of `friction`.
     held : dict
-        Further held parameter -> value, SI, instead of that of `friction`.
+        Further held parameter -> value in SI, which replaces the value in `friction`.
     """
 
     friction: Friction
@@ -411,12 +426,12 @@ class AnyLaw(StaticLaw):
 
     @property
     def uppers(self) -> Array:
-        """Upper bounds of the law, shape (p,), SI; infinite without one."""
+        """Upper bounds of the law in SI, shape (p,); infinite without a bound."""
         return np.array([entry["upper"] for entry in self.entries()])
 
     @property
     def given(self) -> Array:
-        """Start values, shape (p,), SI."""
+        """Start values in SI, shape (p,)."""
         return np.array(self.start or [self.friction.parameters[n] for n in self.names])
 
     @cached_property
@@ -450,7 +465,7 @@ class AnyLaw(StaticLaw):
         return lower, upper
 
     def without(self, name: str, value: float, start: Array) -> AnyLaw:
-        """Return the law with one parameter held. `start`, shape (p,), has the start values of all parameters, SI."""
+        """Return the law with one parameter held. `start` (p,) has the start values of all parameters in SI."""
         keep = [k for k, n in enumerate(self.names) if n != name]
         names = tuple(self.names[k] for k in keep)
         others = tuple(float(start[k]) for k in keep)
@@ -490,8 +505,13 @@ NOT_SLIDING = ("stick_slip",)
 NO_FRICTION_N = 1e-12
 
 
+def map_of(given: Any) -> xr.Dataset:  # noqa: ANN401 - anything with a map
+    """Return a friction map, that of its file, or that of a result."""
+    return read_map(given) if isinstance(given, str | Path) else getattr(given, "friction_map", given)
+
+
 def selected(
-    friction_map: xr.Dataset,
+    friction_map: AnyMap,
     direction: int | None = None,
     exclude_flags: Collection[str] = NOT_SLIDING,
     *,
@@ -505,8 +525,8 @@ def selected(
 
     Parameters
     ----------
-    friction_map : xarray.Dataset
-        One dimension ``row``, variables of the friction map format, SI.
+    friction_map : xarray.Dataset, path-like or Characterisation
+        One dimension ``row``, variables of the friction map format, SI; or a file or a result with such a map.
     direction : int or None
         None for the paired friction, +1 or -1 for one direction.
     exclude_flags : collection of str
@@ -526,8 +546,9 @@ def selected(
     FitError
         A variable is missing, a value is not valid, or no row is left.
     """
-    ambient = ambient_of(friction_map, needs_ambient) if ambient_pressure_pa is None else ambient_pressure_pa
+    friction_map = map_of(friction_map)
     column = _columns(friction_map)
+    ambient = ambient_of(friction_map, needs_ambient) if ambient_pressure_pa is None else ambient_pressure_pa
     keep, notes = _usable(column, direction, exclude_flags)
     pairs = _pairs(column, keep) if direction is None else np.repeat(np.flatnonzero(keep)[:, None], 2, axis=1)
     if not pairs.size:
@@ -564,7 +585,7 @@ _AVERAGED = ("pressure_a_pa", "pressure_b_pa", "u_systematic_n")
 
 
 def _columns(friction_map: xr.Dataset) -> dict[str, NDArray]:
-    missing = [name for name in REQUIRED if name not in friction_map]
+    missing = [name for name in REQUIRED if name not in getattr(friction_map, "data_vars", ())]
     if missing:
         raise FitError.of(
             "identify.columns", where="friction map", missing=", ".join(missing), required=", ".join(REQUIRED)
@@ -610,7 +631,7 @@ def _usable(
 
 
 def _pairs(column: dict[str, NDArray], keep: Bools) -> Ints:
-    """Return pairs of rows with one value, shape (m, 2): same recording, identical friction, opposite directions.
+    """Return pairs (m, 2) of rows that state one value: same recording, identical friction, opposite directions.
 
     A single row forms a pair with itself.
     """
@@ -669,7 +690,7 @@ def fingerprint(data: Observations) -> str:
 
 
 def ambient_of(friction_map: xr.Dataset, needed: bool) -> float:
-    """Return the ambient pressure as reference of gauge pressures, Pa; 0 if it is unknown and not needed."""
+    """Return the ambient pressure in Pa as reference of gauge pressures; 0 if it is unknown and not needed."""
     value = friction_map.attrs.get("ambient_pressure_pa")
     if value is None:
         if needed:

@@ -8,12 +8,14 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
+from pneudrive.constants import STANDARD_ATMOSPHERE_PA
 from pneudrive.describe.circuit import Circuit
 from pneudrive.describe.marks import parameter_quantities
 from pneudrive.describe.tables.dependences import DEPENDENCES
 from pneudrive.describe.tables.friction import Friction
 from pneudrive.errors import FitError, warn
 from pneudrive.estimate.estimates import CONFIDENCE, student
+from pneudrive.friction.friction_map import AMBIENT, SAME_PA
 from pneudrive.identify import export
 from pneudrive.identify.base import Fit, FitFile
 from pneudrive.identify.identified import Dependences, FittedData, apply_identified, sentence, sentences, stated
@@ -37,6 +39,31 @@ class SlidingFit(Fit):
 
     model: sliding.StaticLaw
     observations: sliding.Observations | None = field(default=None, repr=False)
+
+    @property
+    def fits(self) -> bool:
+        """Whether the residuals are within `MISFIT` standard errors, or within the fraction `SMALL` of the friction."""
+        s = self.statistics
+        return s["scale"] <= MISFIT or s["rms_n"] <= SMALL * s.get("mean_n", 0.0)  # older files lack the mean
+
+    def findings(self) -> tuple[Finding, ...]:
+        """Return a finding if the law does not follow the values, and undetermined values with their remedies."""
+        said = [] if self.fits else [Finding(**stated("application", "misfit", s=self.statistics), state="bad")]
+        return (*said, *super().findings())
+
+    def _at(self, *conditions: ArrayLike) -> sliding.Observations:
+        """Return the speed and the gauge pressures of a prediction; warn of values outside the measured ranges."""
+        at = sliding.at_conditions(*conditions, ambient_pa=self.provenance.get(AMBIENT, STANDARD_ATMOSPHERE_PA))
+        if not np.isfinite(at.speed_m_s).all() or not at.speed_m_s.all():
+            raise FitError.of("identify.standing", speed=conditions[0])
+        for name in RANGES if getattr(self.model, "chambers", ()) else ("speed_m_s",):
+            values, (low, high) = getattr(at, name), self.provenance.get(name, (-np.inf, np.inf))
+            words, size, unit, least = RANGES[name]
+            far = values[np.maximum(low - values, values - high) > np.maximum(EDGE * np.abs(values), least)]
+            if far.size:
+                ends = {"low": low / size, "high": high / size, "at": far[0] / size}
+                warn(sentence("notes", "extrapolated", name=words, unit=unit, **ends))
+        return at
 
     @property
     def parameters(self) -> NamedNumbers:
@@ -63,6 +90,13 @@ class SlidingFit(Fit):
         return {"friction": FittedData("speed_m_s", "friction_n", data.speed_m_s, data.friction_n, model)}
 
 
+#: Residuals above which a law does not follow its values: in standard errors, and as a fraction of friction (assumed).
+MISFIT, SMALL = 5.0, 0.05
+#: Condition of a prediction -> its name, its usual unit in SI and as text, and the smallest difference.
+RANGES = {"speed_m_s": ("a speed", 1e-3, "mm/s", 0.0)}
+RANGES |= {f"gauge_{side}_pa": (f"a pressure in chamber {side}", 1e5, "bar gauge", SAME_PA) for side in "ab"}
+#: Fraction of a value within which it agrees with the measured range.
+EDGE = 0.05
 #: Laws of a fit from a file, and required entries of its statistics.
 LAWS = ("coulomb", "stribeck")
 STATISTICS = ("values", "degrees_of_freedom", "scale", "variance", "rms_n")
@@ -82,7 +116,7 @@ CANDIDATES = 60
 
 @dataclass(frozen=True, repr=False)
 class Prediction(Shown):
-    """Predicted friction at given speeds, N; arrays in the shape of the speeds.
+    """Predicted friction at given speeds in N; the arrays have the shape of the speeds.
 
     Attributes
     ----------
@@ -122,8 +156,8 @@ class FrictionFit(SlidingFit, kind="friction map"):
         Notes on omissions and assumptions.
     statistics : dict
         values, degrees_of_freedom, scale (1: the standard errors are right), variance, scatter_n
-        (between levels, beyond their standard errors), rms_n, outlying,
-        fit_percent, aicc, bic.
+        (between levels, beyond their standard errors), mean_n, rms_n, outlying,
+        fit_percent (NaN without degrees of freedom), aicc, bic.
     provenance : dict
         Version, hash of the values, options.
     model : FrictionModel
@@ -162,10 +196,11 @@ class FrictionFit(SlidingFit, kind="friction map"):
 
         Parameters
         ----------
-        speed_m_s : array_like
-            Speeds, m/s. The sign is ignored.
-        gauge_a_pa, gauge_b_pa : array_like
-            Gauge pressures, Pa, broadcast with the speeds. No effect if the fit does not depend on pressure.
+        speed_m_s : array_like or str
+            Speeds in m/s, or a quantity such as "50 mm/s". The sign is ignored.
+        gauge_a_pa, gauge_b_pa : array_like or str
+            Gauge pressures in Pa, broadcast with the speeds, or a quantity such as "3 bar gauge". No effect if the fit
+            does not depend on pressure.
         stderr_n : array_like, optional
             None: interval of the law itself. Values: interval of a new mean with this standard error, including the
             scatter between levels and the scale of the residuals.
@@ -175,11 +210,14 @@ class FrictionFit(SlidingFit, kind="friction map"):
         Returns
         -------
         Prediction
+
+        Warns
+        -----
+        PneudriveWarning
+            A speed or a pressure is outside the measured range.
         """
-        at = sliding.at_conditions(np.abs(speed_m_s), gauge_a_pa, gauge_b_pa)
+        at = self._at(speed_m_s, gauge_a_pa, gauge_b_pa)
         shape = np.broadcast(speed_m_s, gauge_a_pa, gauge_b_pa).shape
-        if not np.isfinite(at.speed_m_s).all() or (at.speed_m_s <= 0.0).any():
-            raise FitError.of("identify.standing", speed=np.asarray(speed_m_s))
         value, slopes = self.model.force_and_slopes(self.estimates, at)
         variance = np.einsum("ij,jk,ik->i", slopes, self.covariance, slopes)
         if stderr_n is not None:
@@ -193,9 +231,9 @@ class FrictionFit(SlidingFit, kind="friction map"):
         return Prediction(value, value - reach, value + reach, stderr)
 
     def _apart_n(self, at: sliding.Observations, value: Array) -> Array:
-        """Return the largest error by equal slopes at pressures that did not occur together, N, shape (n,).
+        """Return the largest error in N that equal slopes cause at pressures that did not occur together, shape (n,).
 
-        Either slope is between zero and the one with which it explains the joint effect alone.
+        Each slope is between zero and the slope that would explain the joint effect alone.
         """
         (low_a, high_a), (low_b, high_b) = (self.provenance.get(f"gauge_{side}_pa", (0.0, 1.0)) for side in "ab")
         a, b = high_a - low_a, high_b - low_b
@@ -261,7 +299,7 @@ class FrictionFit(SlidingFit, kind="friction map"):
         return after
 
     def _warn_of_kept(self, after: Drive) -> None:
-        """Warn if undetermined values, which the drive keeps, make its friction differ from that of the fit."""
+        """Warn if values that the drive keeps make its friction differ from that of the fit."""
         kept = [n for n in STEADY if n not in self.determined and n in after.friction.parameters]
         speeds = self.provenance.get("speed_m_s")
         if not kept or not isinstance(speeds, (list, tuple)) or not speeds[0] < speeds[1]:
@@ -425,9 +463,9 @@ class LawFit(SlidingFit, kind="law"):
         return Friction.model_validate(self.model.friction.to_dict() | fitted)
 
     def predict(self, speed_m_s: ArrayLike, gauge_a_pa: ArrayLike = 0.0, gauge_b_pa: ArrayLike = 0.0) -> Array:
-        """Return the friction at speeds and gauge pressures, N."""
+        """Return the friction in N at speeds and gauge pressures, as `FrictionFit.predict` takes them."""
         conditions = speed_m_s, gauge_a_pa, gauge_b_pa
-        force, _ = self.model.force_and_slopes(self.estimates, sliding.at_conditions(*conditions))
+        force, _ = self.model.force_and_slopes(self.estimates, self._at(*conditions))
         return force.reshape(np.broadcast(*conditions).shape)
 
     def apply(self, drive: Drive) -> Drive:
@@ -456,7 +494,7 @@ class LawFit(SlidingFit, kind="law"):
         return apply_identified(self.identified(), with_law)
 
     def identified(self) -> Identified:
-        """Return the determined parameters under their names in the drive file, with their whole uncertainty."""
+        """Return the determined parameters under their names in the drive file, with their total uncertainty."""
         return self.identified_as({name: f"friction.{name}" for name in self.determined})
 
     def _curve(self, speeds_m_s: Any, gauges_pa: Pair) -> export.SlidingCurve:  # noqa: ANN401 - checked
@@ -469,11 +507,11 @@ class LawFit(SlidingFit, kind="law"):
         return export.curve_of_friction(self.friction, title, speed, gauges_pa, entries)
 
     def findings(self) -> tuple[Finding, ...]:
-        """Return findings on undetermined parameters."""
+        """Return findings on the residuals, on undetermined parameters, and on those without effect."""
         lost, unseen = ", ".join(self.undetermined), ", ".join(self.unseen)
         found = [Finding(f"these values do not determine {lost}", "open")] if lost else []
         words = "have no effect on steady sliding and keep their given values"
-        return (*found, *([Finding(f"{unseen} {words}")] if unseen else []))
+        return (*super().findings(), *found, *([Finding(f"{unseen} {words}")] if unseen else []))
 
     def _first(self) -> Plain:
         notes = {"notes": list(self.notes)} if self.notes else {}
@@ -531,7 +569,7 @@ def with_map(fit: Sliding, friction_map: xr.Dataset) -> Sliding:
     Parameters
     ----------
     fit : FrictionFit or LawFit
-        From a file.
+        Fit read from a file.
     friction_map : xarray.Dataset
         The fitted map.
 
@@ -564,16 +602,16 @@ def profiles(fit: FrictionFit, friction_map: xr.Dataset) -> Columns:
     Returns
     -------
     dict
-        Free value -> lower and upper ends, SI, shape (n, 2). Infinite if the data do not bound the value.
+        Free value -> lower and upper ends in SI, shape (n, 2). Infinite if the data do not bound the value.
 
     Raises
     ------
     FitError
-        The map differs from that of the fit, or the fit has a loss of earlier versions.
+        The map differs from that of the fit, or the fit uses a loss function of an earlier version.
     """
     loss = fit.provenance.get("loss", "huber")
     if loss != "huber":  # older fits
-        raise FitError(f"the fit has another loss, {loss}", rule="huber", remedy="Fit again.")
+        raise FitError(f"the fit uses the loss function {loss}", rule="huber", remedy="Fit again.")
     found = estimated(fit.model, _values(fit, friction_map))
     each = [interval_over_knees(found, student(found.dof, share)) for share in PROBABILITIES]
     return {name: np.array([one[name] for one in each]) for name in fit.free}
@@ -593,8 +631,8 @@ def ellipses(fit: Fit) -> list[tuple[tuple[str, str], float, Array]]:
     Returns
     -------
     list of ((str, str), float, ndarray)
-        Names of both values, their correlation, and the closed outline of the ellipse, SI, shape (n, 2). Its
-        projections are value ± t times standard error.
+        Names of both values, their correlation, and the closed outline of the ellipse in SI, shape (n, 2). The ellipse
+        projects to value ± t times standard error.
     """
     turn = np.linspace(0.0, 2.0 * np.pi, OUTLINE)
     circle = np.stack([np.cos(turn), np.sin(turn)])

@@ -5,8 +5,8 @@ problem (pseudo-values, used by the profile intervals) follow [huber2009].
 
 Two runs of one seal can differ much more than the strokes within each run. If values were weighted only by the standard
 error of the strokes, the run with the least noise would dominate the fit. As in the random-effects model of a
-meta-analysis, a common variance is therefore added to that of each value. Its size makes the residuals consistent with
-their standard errors [paule1982].
+meta-analysis, a common variance is therefore added to that of each value. The size of this variance makes the residuals
+consistent with their standard errors [paule1982].
 
 At a given Stribeck velocity and exponent, the law is linear in all other parameters. On a grid of these two parameters,
 linear least squares therefore gives the cost, the best forces and their variances without repeated fits. The interval
@@ -65,9 +65,9 @@ class RobustEstimate:
     starts, agreeing : int
         Number of starts, and number of starts that ended at this estimate.
     rival : float
-        Stribeck velocity, m/s, of another estimate that is not significantly worse (p > 0.05); NaN without one.
+        Stribeck velocity in m/s of another estimate that is not significantly worse (p > 0.05); NaN without one.
     scatter_n : float
-        Standard deviation between levels, N, that the standard errors of `data` contain; 0 without one.
+        Standard deviation between levels in N, included in the standard errors of `data`; 0 without scatter.
     """
 
     model: Any
@@ -93,7 +93,7 @@ class RobustEstimate:
 
     @property
     def natural(self) -> NamedNumbers:
-        """Parameters by name, SI."""
+        """Parameters by name, in SI."""
         return by_name(self.model.names, map(float, self.model.transforms.natural(self.q)))
 
     @property
@@ -134,17 +134,19 @@ class RobustEstimate:
     def statistics(self) -> NamedNumbers:
         """Return the statistics of a fit; AICc and BIC come from the deviance."""
         residual, n, stderr = self.residual, len(self.data), self.data.stderr_n
+        rms_n, rounding_n = rms(residual * stderr), SCALE_FLOOR * np.abs(self.data.friction_n).max()
         weighted_mean = np.average(self.data.friction_n, weights=stderr**-2)
         spread = np.sum(((self.data.friction_n - weighted_mean) / stderr) ** 2)
         k = n - self.dof + 1
-        explained = 1.0 - np.sqrt(np.sum(residual**2) / spread) if spread > 0.0 else np.nan
+        explained = 1.0 - np.sqrt(np.sum(residual**2) / spread) if spread > 0.0 and self.dof > 0 else np.nan
         return {
             "values": float(n),
             "degrees_of_freedom": float(self.dof),
             "scale": self.scale,
             "variance": self.variance,
             "scatter_n": self.scatter_n,
-            "rms_n": rms(residual * stderr),
+            "mean_n": weighted_mean,
+            "rms_n": rms_n if rms_n > rounding_n else 0.0,
             "outlying": float(np.sum(self.weight < 0.5)),
             "fit_percent": 100.0 * explained,
             "starts": float(self.starts),
@@ -195,6 +197,9 @@ def estimate(
         if done or kind is LINEAR:
             break
         q = _polish(model, data, q, kind, scale)[0]
+    lower, upper = model.bounds(data)
+    reach = 1e-6 * np.maximum(np.abs(q), 1.0)
+    q = np.where((lower == 0.0) & (q < reach), 0.0, q)  # the search ends just inside its bounds
     value, jac = model.value_and_jacobian(q, data)
     residual = (data.friction_n - value) / data.stderr_n
     u = residual / scale
@@ -204,8 +209,6 @@ def estimate(
     correction = 1.0 + len(model.names) / u.size * float(np.var(slope)) / mean_slope**2
     variance = correction**2 * float(np.sum(psi**2)) / dof * (scale / mean_slope) ** 2
     weight = np.divide(psi, u, out=np.ones_like(u), where=np.abs(u) > 1e-12)
-    lower, upper = model.bounds(data)
-    reach = 1e-6 * np.maximum(np.abs(q), 1.0)
     active = (q - lower < reach) | (upper - q < reach)
     if model.stribeck:  # an excess indistinguishable from zero counts as at its bound
         active[1] = active[1] or np.exp(q[1]) < 1e-6 * np.max(np.abs(data.friction_n))
@@ -280,10 +283,9 @@ CLEARLY = 6.6
 
 
 def with_scatter(found: RobustEstimate) -> RobustEstimate:
-    """Add a scatter to the standard errors if the residuals are too large, and the scatter explains them better.
+    """Add a scatter to the standard errors if the residuals are too large and a scatter explains them.
 
-    The alternative is a common factor on the standard errors, without scatter. It is chosen only if it is clearly more
-    likely.
+    The alternative is a common factor on the standard errors. This factor is chosen only if it is clearly more likely.
 
     Parameters
     ----------
@@ -407,8 +409,8 @@ def _forces(
 ) -> tuple[Array, Array, Array]:
     """Return the least cost (g,) of the linear problem at each velocity, and the ends (g, p) of the forces.
 
-    Between their ends, forces have a cost of at most `most`. A negative excess is held at zero. Above zero, the excess
-    and its slopes then keep their ends.
+    Between the ends of a force, the cost is at most `most`. A negative excess is held at zero; the ends of the excess
+    and its slopes then also cover the fit with a free excess.
     """
     data = found.data
     y = found.pseudo / data.stderr_n

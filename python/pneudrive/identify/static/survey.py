@@ -29,7 +29,7 @@ from pneudrive.estimate.autocorrelation import integrated_wiener
 from pneudrive.identify.identified import sentence
 from pneudrive.identify.static.diagnose import SAME_PRESSURE_PA
 from pneudrive.identify.static.fit import fit_values
-from pneudrive.identify.static.model import FrictionModel, Observations, at_conditions, selected
+from pneudrive.identify.static.model import FrictionModel, Observations, at_conditions, map_of, selected
 from pneudrive.identify.static.result import FrictionFit, Prediction
 from pneudrive.repr_tables import Shown
 
@@ -38,6 +38,8 @@ if TYPE_CHECKING:
 
     import xarray as xr
     from numpy.typing import ArrayLike, NDArray
+
+    from pneudrive.identify.static.model import AnyMap
 
 
 #: Grid of the roughness gamma. At 1.5, a straight line misses the middle of the range by 22 % of the friction.
@@ -61,10 +63,10 @@ MIDDLE = 48.0**-0.5
 
 @dataclass(frozen=True)
 class Surveyed:
-    """Data of one seal: values, law, and Jacobian of friction (parameters), all relative to the law.
+    """Data of one seal: values, law, and the Jacobian of its friction with respect to the parameters.
 
-    ``columns`` (n, p) are relative derivatives, ``rest`` (n,) relative residuals, ``theta`` (p,) internal coordinates.
-    ``fit`` is the fit of this seal alone, for example ``survey.seals["PK"].fit.apply(drive)``.
+    ``columns`` (n, p) are derivatives and ``rest`` (n,) residuals, both relative to the law; ``theta`` (p,) are
+    internal coordinates. ``fit`` is the fit of this seal alone, for example ``survey.seals["PK"].fit.apply(drive)``.
     """
 
     name: str
@@ -98,7 +100,7 @@ class Survey(Shown):
     repeated : int
         Number of repeated runs, over all seals, from which `between_runs` is estimated.
     misses : float
-        Relative standard error of a straight line over the whole range of pressure, in the middle of the range.
+        Relative standard error of a straight line over the whole pressure range, at the middle of this range.
     straight : float
         Likelihood ratio of zero roughness to the most likely roughness.
     span_pa : float
@@ -133,8 +135,8 @@ class Survey(Shown):
         Parameters
         ----------
         seal : str
-        speed_m_s, gauge_a_pa, gauge_b_pa : array_like
-            Conditions, broadcast against each other.
+        speed_m_s, gauge_a_pa, gauge_b_pa : array_like or str
+            Conditions, broadcast against each other: numbers in SI or quantities, such as "3 bar gauge".
         run : str or None
             Measured run, for a further recording in it; None: a new run.
         probability : float
@@ -152,7 +154,7 @@ class Survey(Shown):
             raise FitError("a probability lies between 0 and 1", value=f"probability = {probability}")
         if run is not None and run not in self.seals[seal].runs:
             raise FitError(f"{seal} has no run {run!r}", remedy=nearest(run, self.seals[seal].runs))
-        at, one = at_conditions(np.abs(speed_m_s), gauge_a_pa, gauge_b_pa), self.seals[seal]
+        at, one = at_conditions(speed_m_s, gauge_a_pa, gauge_b_pa), self.seals[seal]
         shape = np.broadcast(speed_m_s, gauge_a_pa, gauge_b_pa).shape
         borrowed = not one.model.chambers and _elsewhere(one.data, at)
         value, variance = self._borrowed(one, at) if borrowed else self._kriged(one, at, run)
@@ -196,7 +198,7 @@ class Survey(Shown):
         return value, variance
 
     def _borrowed(self, one: Surveyed, at: Observations) -> ArrayPair:
-        """Predict friction of a seal measured at one pressure, by the ratio between pressures of the other seals."""
+        """Predict friction of a seal measured at one pressure, from the friction ratios of the other seals."""
         here = at_conditions(at.speed_m_s, *(gauge.mean() for gauge in one.data.gauges_pa))
         dependent = (seal for seal in self.seals.values() if seal.model.chambers)
         ratios = [self._most_likely(seal, at) / self._most_likely(seal, here) for seal in dependent]
@@ -272,7 +274,7 @@ def survey_values(
 
 
 def _posterior(logs: Columns) -> tuple[Columns, Array]:
-    """Return posteriors from log likelihoods (11, 9, 20): of each seal, (11, 9, 20), and common, (11, 9).
+    """Return posteriors from log likelihoods (11, 9, 20): for each seal (11, 9, 20), and for all seals (11, 9).
 
     The squared scatter of a seal is distributed as nu tau^2 / chi2(nu): the density in ln sigma is proportional to
     sigma^-nu exp(-nu tau^2 / (2 sigma^2)).
@@ -312,7 +314,7 @@ def _elsewhere(data: Observations, at: Observations) -> bool:
 
 
 def _kernel(model: FrictionModel, first: Observations, second: Observations, span: float) -> Array:
-    """Return the covariance of the integrated Wiener process, one for each chamber with varied pressure."""
+    """Return the covariance of the integrated Wiener processes, summed over chambers with varied pressure."""
     total = np.zeros((len(first), len(second)))
     for chamber in "".join(model.chambers):
         s, t = (getattr(x, f"gauge_{chamber}_pa") - VACUUM_PA for x in (first, second))
@@ -321,7 +323,7 @@ def _kernel(model: FrictionModel, first: Observations, second: Observations, spa
 
 
 def _least_squares(one: Surveyed, kernel: Array, roughness: float) -> tuple[Array, Array, Array]:
-    """Return inverse covariance of values, covariance and change of parameters, for all scatters, (9, 20, ...)."""
+    """Return inverse covariance of values, and covariance and change of parameters, for all scatters (9, 20, ...)."""
     same_run = np.array([[r == s for s in one.runs] for r in one.runs], dtype=float)
     between = (BETWEEN_RUNS**2)[:, None, None, None] * same_run
     scatter = (SCATTER**2)[:, None, None] * np.eye(len(one.data))
@@ -363,14 +365,14 @@ def _quantiles(value: Array, deviation: Array, weight: Array, probability: float
     return out[0], out[1]
 
 
-def survey(friction_map: xr.Dataset, seals: str | Sequence[str], runs: str | Sequence[str] | None = None) -> Survey:
+def survey(friction_map: AnyMap, seals: str | Sequence[str], runs: str | Sequence[str] | None = None) -> Survey:
     """Fit each seal of a friction map.
 
     Scatter, differences between runs and deviation from a straight line are common to all seals.
 
     Parameters
     ----------
-    friction_map : xarray.Dataset
+    friction_map : xarray.Dataset, path-like or Characterisation
         As for :func:`fit_friction`.
     seals, runs : str or sequence of str
         Label of each row, or the name of a column of labels. Rows with equal seal and run were measured without
@@ -382,11 +384,11 @@ def survey(friction_map: xr.Dataset, seals: str | Sequence[str], runs: str | Seq
         Its ``predict`` returns the friction of a further recording, in the same run or another; ``seals[name].fit`` is
         the fit of one seal.
     """
-    return survey_values(*grouped(friction_map, seals, runs, {}))
+    return survey_values(*grouped(map_of(friction_map), seals, runs, {}))
 
 
 def pressure_levels(data: Observations) -> Ints:
-    """Return the index of the pressure level of each value. A level spans 10 %, or 0.1 bar, above its first value."""
+    """Return the index of the pressure level of each value. A level is within 10 % or 0.1 bar of its first value."""
     levels: list[Interval] = []
     out = np.empty(len(data), dtype=np.int64)
     for i, (a, b) in enumerate(zip(*data.gauges_pa, strict=True)):

@@ -59,13 +59,13 @@ class Shape(NamedTuple):
     component : str
         Component of the shape; empty for lines between components, title and notes.
     size : float
-        Radius of an arc or a dot, modules; size of a text, points.
+        Radius of an arc or a dot in modules, or size of a text in points.
     text : str
     align : str
         Alignment of a text: ``"center"``, ``"left"`` or ``"right"`` of its point. ``"top"`` is added if the text is
         below the point.
     angles : tuple of float
-        First and last angle of an arc, degrees counterclockwise from the x axis.
+        First and last angle of an arc, in degrees counterclockwise from the x axis.
     net : int
         Index in `CircuitShapes.nets` for a line between components; -1 for other shapes.
     """
@@ -168,7 +168,7 @@ def label_box(label: Label) -> Box:
 
 
 def size(line: int) -> float:
-    """Return the text size of a line of a label, points. The first line is the name."""
+    """Return the text size of a line of a label, in points. The first line is the name."""
     return NAME_PT if line == 0 else TEXT_PT
 
 
@@ -314,7 +314,7 @@ Step = tuple[Place, Place]
 
 
 class NoWayError(Exception):
-    """Error: a line has no path. The drawing is repeated with more room between the blocks."""
+    """Error: no path was found for a line. The drawing is repeated with more room between the blocks."""
 
 
 class Routes:
@@ -370,7 +370,7 @@ class Routes:
         return ways
 
     def _way(self, tree: Iterable[Place], goal: Place) -> list[Place]:
-        """Return the cheapest path from any point of a net to a port, past the lines of the nets before it."""
+        """Return the cheapest path from any point of a net to a port, around the lines of earlier nets."""
         queue: list[tuple[int, int, Place, Place, list[Place]]] = []
         best: dict[tuple[Place, Place], int] = {}
         still = (0, 0)
@@ -411,7 +411,7 @@ class Routes:
         return CROSSING * len(others)
 
     def runs(self, net: int, *, pilots: bool) -> list[Step]:
-        """Return the longest straight parts of a line: of its pilot lines, or of its other lines."""
+        """Return the longest straight parts of a net, either of its pilot lines or of its other lines."""
         out = []
         own = [step for step, is_pilot in self.lines[net].items() if is_pilot == pilots]
         for axis in (0, 1):
@@ -471,7 +471,7 @@ def place(circuit: Circuit, spread: float) -> tuple[dict[str, Block], list[Joint
     Raises
     ------
     DescriptionError
-        If two components with `at` overlap.
+        Two components with `at` overlap.
     """
     placed = {name: _block(name, one) for name, one in circuit.components.items()}
     joints = drawn_joints(circuit, placed)
@@ -513,7 +513,7 @@ def _beside(joints: Sequence[Joint], circuit: Circuit, above: Collection[str]) -
 
 
 def _columns(actuator: str, beside: Beside) -> list[list[str]]:
-    """Return the components that an actuator moves in columns, by their number of couplings from the actuator."""
+    """Return, in columns, the components that an actuator moves, by their number of couplings from the actuator."""
     columns = [[actuator]]
     while column := [name for name, mover in beside.items() if mover in columns[-1]]:
         columns.append(column)
@@ -572,7 +572,7 @@ def _is_supply(ports: Sequence[Port]) -> bool:
 
 
 def _behind(ports: Sequence[Port], wiring: Wiring, known: Mapping[str, int]) -> int | None:
-    """Return the rank of a component at an exhaust: below the component that exhausts."""
+    """Return the rank of a component at an exhaust, which is below the component that exhausts."""
     for port in ports:
         joint = wiring.at.get(port)
         for other in joint.ports if joint is not None else ():
@@ -647,7 +647,7 @@ def _fix(circuit: Circuit, placed: Placed) -> None:
         block.x, block.y = map(round, at)
         for other in standing:
             if _overlap(block, other):
-                remedy = f"Move {name}; {other.name} takes x {_range(other, 0)}, y {_range(other, 1)}."
+                remedy = f"Move {name}; {other.name} fills x {_range(other, 0)}, y {_range(other, 1)}."
                 raise wrong(f"components.{name}.at", f"{other.name} and {name} overlap", remedy=remedy)
         standing.append(block)
     for name, block in placed.items() if places else ():

@@ -31,24 +31,24 @@ OTHERS_MAY_READ = 0o077
 
 
 def _no_password(_: object) -> None:
-    remedy = 'password_file = "password.txt", or password_env = "PNEUDRIVE_RIG_PASSWORD"'
-    raise DescriptionError("a password", rule="a rig file contains no password itself", remedy=remedy)
+    remedy = 'Write password_file = "password.txt" or password_env = "PNEUDRIVE_RIG_PASSWORD".'
+    raise DescriptionError("the file has a password", rule="a rig file must not contain a password", remedy=remedy)
 
 
 def _variable(given: object) -> str:
     """Read the name of an environment variable. A rig file cannot name the variables of other programs."""
     if not isinstance(given, str) or not given.startswith(PREFIX):
         rule = f"a rig file may send only variables whose names begin with {PREFIX}"
-        remedy = 'password_env = "PNEUDRIVE_RIG_PASSWORD"'
-        raise DescriptionError(f"{given!r} is not a variable of a rig", rule=rule, remedy=remedy)
+        remedy = 'Write password_env = "PNEUDRIVE_RIG_PASSWORD".'
+        raise DescriptionError(f"{given!r} is not a variable for passwords of rigs", rule=rule, remedy=remedy)
     return given
 
 
 def _file_next_to_it(given: object) -> str:
     """Read the name of a password file next to the rig file. A path could lead to a private file."""
     if not isinstance(given, str) or Path(given).name != given or given.startswith(("~", "..")) or "\\" in given:
-        rule = "the password file lies in the folder of the rig file, and is named without a path"
-        remedy = 'password_file = "password.txt"'
+        rule = "the password file is in the folder of the rig file, and its name has no path"
+        remedy = 'Write password_file = "password.txt".'
         raise DescriptionError(f"{given!r} is not the name of a password file", rule=rule, remedy=remedy)
     return given
 
@@ -60,7 +60,7 @@ def _address(given: object) -> str:
 
 
 class OpcUaFile(RigFile):
-    """Rig file of a rig over OPC UA: its address, the credentials of the client, and the server that it trusts.
+    """Rig file of a rig over OPC UA: address, credentials of the client, and certificate of the trusted server.
 
     With a certificate, messages are signed and encrypted (Basic256Sha256), and only the server with the given
     certificate is accepted. A user logs in with name and password, or with a user certificate. Files are read at each
@@ -88,8 +88,8 @@ class OpcUaFile(RigFile):
             raise wrong("certificate", "one of the three files of encryption is missing", rule=rule)
         if (self.user or self.user_certificate) is not None and not any(encrypted):
             rule = "a password is sent only over an encrypted connection"
-            remedy = "Make certificates by: pneudrive rig certificate."
-            raise wrong("user", "user without certificate", rule=rule, remedy=remedy)
+            remedy = "Make certificates with: pneudrive rig certificate."
+            raise wrong("user", "a user needs a certificate of the client", rule=rule, remedy=remedy)
         if (self.user_certificate is None) != (self.user_key is None):
             raise wrong("user_certificate", "user_certificate and user_key are needed together")
         if self.user is not None and self.user_certificate is not None:
@@ -145,9 +145,9 @@ class Protection:
     Attributes
     ----------
     certificate : Path or None
-        Certificate of the server, with its key beside it (.key); None: no encryption, any client is admitted.
+        Certificate of the server, with its key in the same folder (.key). None: no encryption, any client is admitted.
     trusted : tuple of bytes
-        Certificates of admitted clients, DER.
+        Certificates of admitted clients, in DER.
     """
 
     certificate: Path | None = None
@@ -164,7 +164,7 @@ class Protection:
         """
         if certificate is None:
             if trusted:
-                raise CommandError("--trust needs --certificate", remedy="pneudrive rig certificate")
+                raise CommandError("--trust needs --certificate", remedy="Make one with pneudrive rig certificate.")
             return cls()
         if not trusted:
             raise CommandError("--certificate needs --trust", rule="--trust gives the certificates of admitted clients")
@@ -267,7 +267,7 @@ def secret(path: Path) -> bytes:
     """Read a file that only its owner may read."""
     content = read(path)
     if os.name == "posix" and path.stat().st_mode & OTHERS_MAY_READ:
-        raise RigError(f"others may read {path}", rule="only its owner may read it", remedy=f"chmod 600 {path}")
+        raise RigError(f"other users may read {path}", rule="only its owner may read it", remedy=f"chmod 600 {path}")
     return content
 
 

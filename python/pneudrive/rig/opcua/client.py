@@ -75,7 +75,7 @@ class OpcUaRig:
         return self._limits
 
     def state(self) -> RigState:
-        """Return the state of the rig; a lost connection is reopened first, and the next verb reports it."""
+        """Return the state of the rig. A lost connection is reopened first, and the next verb reports the loss."""
         try:
             *values, fault = self._link.read(*STATE, "state.fault")
         except LinkError as error:
@@ -89,7 +89,7 @@ class OpcUaRig:
         self._do(Verb.HOME)
 
     def set_pressure(self, a_pa: float, b_pa: float) -> None:
-        """Bring the chambers to these absolute pressures, Pa."""
+        """Bring the chambers to these absolute pressures in Pa."""
         self._do(Verb.SET_PRESSURE, arguments={"command.pressure_a": a_pa, "command.pressure_b": b_pa})
 
     def move(self, to_m: float, speed_m_s: float) -> None:
@@ -174,7 +174,7 @@ class OpcUaRig:
         self._link.check_stops(stops)
         if current != identity:
             if current == self._id:
-                raise _EndedError("it was ended by another command of this program", where=self._url)
+                raise _EndedError("another command of this program ended this command", where=self._url)
             raise RigError.of("rig.other-client", where=self._url)
         return done == identity
 
@@ -226,7 +226,7 @@ class OpcUaRig:
 
     @contextmanager
     def _one_connection(self, doing: str) -> Iterator[None]:
-        """Run a block within one connection, which the caller knows.
+        """Run a block within one connection, the one that the caller knows.
 
         Raises
         ------
@@ -309,7 +309,7 @@ class SimulatedOpcUaRig(OpcUaRig):
         return {factor: tuple(levels) for factor, levels in self._ask(Verb.LEVELS).items()}
 
     def change(self, levels: dict[str, str]) -> None:
-        """Set mounted factor levels."""
+        """Set the levels of mounted factors."""
         self._ask(Verb.CHANGE, levels)
 
     def _ask(self, verb: Verb, question: object = None) -> Any:  # noqa: ANN401 - plain data
@@ -338,7 +338,7 @@ def load_opcua(source: str | Path, seed: int = 0, pace: float | None = None) -> 
 
 
 def open_rig(file: OpcUaFile) -> OpcUaRig:
-    """Connect to the rig of a file; its class depends on the nodes of the server. Errors as of `load_opcua`."""
+    """Connect to the rig of a file. Its class depends on the nodes of the server. Errors are those of `load_opcua`."""
     try:
         _ = urlsplit(file.url).port
     except ValueError as error:

@@ -156,7 +156,7 @@ class Link:
         return self._loop.run(self._read(names, slot))
 
     def write(self, values: dict[str, Any]) -> None:
-        """Write nodes in one request, SI."""
+        """Write values in SI to nodes, in one request."""
         self._loop.run(self._write(values))
 
     async def _connect(self) -> None:
@@ -300,7 +300,7 @@ def _node_id(text: str, namespace: str, uris: list[str], url: str) -> Any:  # no
 
 
 async def _hang_up(client: Any) -> None:  # noqa: ANN401 - asyncua's client
-    """Close a connection, by the protocol if the server still answers."""
+    """Close a connection, as the protocol requires if the server still answers."""
     transport = getattr(client.uaclient.protocol, "transport", None)
     with suppress(Exception):  # any exception of a half-closed connection is ignored
         await asyncio.wait_for(client.disconnect(), CLOSING_S / 2)

@@ -84,7 +84,7 @@ Duration = Annotated[float, Quantity("s", bounds=Bounds(above=0.0))]
 class Node:
     """Node of the map: SI value = raw * factor + offset, plus the ambient pressure if ``gauge``.
 
-    ``id`` is absent for a ``constant`` (SI, pressures absolute).
+    A ``constant`` (in SI, with absolute pressures) has no ``id``.
     """
 
     kind: NodeKind
@@ -96,7 +96,7 @@ class Node:
     gauge: bool = False
 
     def to_si(self, raw: Any, ambient_pa: float) -> Any:  # noqa: ANN401 - a value of the node's type
-        """Convert a raw value to SI. Numbers already in SI keep their bits. A list becomes an array."""
+        """Convert a raw value to SI. Numbers already in SI stay unchanged. A list becomes an array."""
         if self.kind.array:
             raw = np.asarray(raw, dtype=float if self.kind.type == "Double" else np.int64)
         return raw * self.factor + self._zero(ambient_pa) if self._scaled else raw
@@ -150,7 +150,7 @@ class NodeMap(Described):
     def _ids_have_a_namespace(self) -> NodeMap:
         for name, node in self.nodes.items():
             if node.id is not None and not node.id.startswith("ns=") and not self.namespace:
-                remedy = 'namespace = "urn:..." at the top, or ns=4;...'
+                remedy = 'Write namespace = "urn:..." at the top, or an id with ns=4;...'
                 raise wrong(name, f"the id of {name} has no namespace", remedy=remedy)
         return self
 
@@ -191,7 +191,7 @@ def _node(name: str, given: object) -> Node:
     table = {"node": given} if isinstance(given, str) else given
     if not isinstance(table, dict) or ("node" in table) == ("constant" in table):
         what = f"{given!r} is neither the id nor the table of a node"
-        raise DescriptionError(what, remedy='{ node = "ns=4;s=...", unit = "mm" }')
+        raise DescriptionError(what, remedy='Write { node = "ns=4;s=...", unit = "mm" }.')
     known = ["node", "type", "constant", *(["unit", "positive"] if kind.unit else [])]
     for key in table:
         if key not in known:
@@ -200,7 +200,7 @@ def _node(name: str, given: object) -> Node:
         return Node(kind, kind.type, constant=_constant(name, kind, table["constant"]))
     node_type = table.get("type", kind.type)
     if node_type not in TYPES[kind.type]:
-        raise DescriptionError(f"type = {node_type!r} does not fit", rule=f"one of {', '.join(TYPES[kind.type])}")
+        raise DescriptionError(f"type = {node_type!r} is not possible", rule=f"one of {', '.join(TYPES[kind.type])}")
     return Node(kind, node_type, _node_id(name, table["node"]), None, *_scale(kind, table))
 
 
@@ -223,7 +223,7 @@ def _node_id(name: str, text: object) -> str:
         rule = '"ns=4;s=NAME", "ns=4;i=NUMBER", or "s=NAME" in the namespace'
         raise DescriptionError(f"{text!r} is not a node id", rule=rule)
     if ("{slot}" in text) != (name in IN_RING):
-        raise DescriptionError(text, rule="ids of nodes of the ring contain {slot}, others do not")
+        raise DescriptionError(f"id {text!r} is not possible", rule="only ids of nodes of the ring contain {slot}")
     return text
 
 
@@ -240,7 +240,7 @@ def _scale(kind: NodeKind, table: dict[str, Any]) -> tuple[float, float, bool]:
     """Return factor, offset and gauge of a node."""
     sign = {"+x": 1.0, "-x": -1.0}.get(table.get("positive", "+x"))
     if sign is None or ("positive" in table and kind.unit not in ("m", "N")):
-        raise DescriptionError(f"positive = {table.get('positive')!r}", rule='"+x" or "-x", of a position or force')
+        raise DescriptionError(f"positive = {table.get('positive')!r}", rule='"+x" or "-x", for positions and forces')
     if "unit" not in table:
         return sign, 0.0, False
     unit = column_unit(table["unit"], kind.unit)

@@ -54,7 +54,7 @@ ARGUMENTS = {
 
 
 class Interrupted(Exception):  # noqa: N818 - not an error: halt, stop or a silent client
-    """Error: the running command must end now."""
+    """The running command must end now."""
 
 
 class ServedSession(InternalSession):
@@ -73,7 +73,7 @@ class ServedSession(InternalSession):
         return result
 
     async def write(self, params: Any) -> list[Any]:  # noqa: ANN401
-        """Write nodes; only those that a client may write."""
+        """Write those nodes that a client may write."""
         return [
             await self.served.write(request.NodeId, request.Value)
             if request.AttributeId == ua.AttributeIds.Value and self.served.session is self
@@ -113,9 +113,9 @@ class RigServer:
         Rig. One worker thread calls its methods, except `stop`, which another thread calls.
     nodes : NodeMap
     host, port : str, int
-        Address to listen on. Port 0 means any free port; `url` then contains its number.
+        Address to listen on. Port 0 means any free port; `url` then contains the chosen number.
     protection : Protection, optional
-        Admitted clients. Default: anyone.
+        Admitted clients. Default: any client.
 
     Raises
     ------
@@ -162,7 +162,7 @@ class RigServer:
         self._shown: asyncio.Task[Any] | None = None
 
     def __enter__(self) -> RigServer:
-        """Start to serve."""
+        """Start the server."""
         try:
             self._loop.run(self._start())
         except BaseException as error:

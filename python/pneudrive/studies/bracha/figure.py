@@ -75,7 +75,7 @@ def run_experiments(into: str | Path) -> dict[str, Campaign]:
 
 
 def run_experiment(protocol: str, rig: str, into: str, seed: int) -> Campaign:
-    """Run one campaign; store speed and mean true friction at constant speed, N, of every stroke."""
+    """Run one campaign. Store speed and mean true friction (N) at constant speed of every stroke."""
     from pneudrive.campaign.run import Options, run_campaign
     from pneudrive.rig import load_rig
 
@@ -186,7 +186,7 @@ class PaperFigure:
     measured : str
         The result in words.
     quantities : dict
-        Numbers of the result, SI.
+        Numbers of the result, in SI.
     columns : dict
         Name with unit -> array; the arrays of a figure have matching shapes (curves over pressure are 2-D).
     assumed : str
@@ -240,7 +240,7 @@ HIGH_M_S = 20e-3
 
 
 def figure_5(run: Campaign) -> PaperFigure:
-    """Return friction over time through one cycle at 2 mm/s: largest right after the turn.
+    """Return friction over time through one cycle at 2 mm/s. It is largest right after the turn.
 
     Parameters
     ----------
@@ -292,7 +292,7 @@ def figure_5(run: Campaign) -> PaperFigure:
 
 
 def figure_6(run: Campaign) -> PaperFigure:
-    """Return mean friction over speed by the paper's protocol: largest at the lowest speeds.
+    """Return mean friction over speed by the paper's protocol. It is largest at the lowest speeds.
 
     Parameters
     ----------
@@ -302,8 +302,8 @@ def figure_6(run: Campaign) -> PaperFigure:
     Returns
     -------
     PaperFigure
-        Columns over speed: the sensor's force by the paper's protocol, the seal's friction with its 95 % band, the
-        truth of each cycle, and the force of the air.
+        Columns over speed: the sensor's force by the paper's protocol, the seal's friction with its 95 % band, its true
+        value in each cycle, and the force of the air.
     """
     (paper,) = _shares(campaign_friction(run, SourcePaper()))
     settled = campaign_friction(run)
@@ -439,6 +439,6 @@ def _shares(found: CampaignCharacteristics) -> list[Columns]:
 
 
 def _truths(run: Campaign) -> Array:
-    """Return the true friction of each cycle, mean of both directions, N."""
+    """Return the true friction (N) of each cycle, as the mean of both directions."""
     each = [[friction for _, friction in strokes if friction is not None] for strokes in true_strokes(run)]
     return np.asarray(each, dtype=float).mean(axis=1)

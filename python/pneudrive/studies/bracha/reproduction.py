@@ -44,7 +44,7 @@ RTOL = 1e-8
 
 @dataclass(frozen=True)
 class ChamberComparison:
-    """Results of one stroke out and back with both chamber laws. SI, absolute pressures.
+    """Results of one stroke out and back with both chamber laws, in SI with absolute pressures.
 
     Attributes
     ----------
@@ -91,7 +91,7 @@ def compare_chamber_laws() -> ChamberComparison:
 
 
 def stroke_out(drive: pn.Drive) -> float:
-    """Return the time of the stroke out at full opening, s."""
+    """Return the time (s) of the stroke out at full opening."""
     run = pn.simulate(drive, [(0.0, 1.0)], STROKE_S, initial=_start(drive), sample_rate=SAMPLE_RATE)
     return _arrival(run, drive.cylinder.stroke_m)
 
@@ -106,14 +106,14 @@ def _arrival(run: xr.Dataset, stroke_m: float) -> float:
 
 
 def energy_residual(run: xr.Dataset, drive: pn.Drive, *, printed: bool) -> float:
-    """Return the largest error of the energy balance of chamber a, J.
+    """Return the largest error (J) of the energy balance of chamber a.
 
       residual = U - U_0 - int (h m_dot - p V_dot + Q) dt
 
     with the internal energy U = p V / (k - 1) and the enthalpy h = k / (k - 1) R T of an ideal gas.
 
-    The residual is computed from a finished trajectory, and therefore also available for a law without a ledger. The
-    wall area of the law is used, so that a different wall area does not count as an error.
+    The residual is computed from a finished trajectory, and is therefore also available for a law without a ledger.
+    The wall area of the law is used, so that a different wall area does not count as an error.
     """
     c, gas = drive.cylinder, drive.gas
     k, r = gas.heat_capacity_ratio, gas.gas_constant_j_kg_k
@@ -194,7 +194,7 @@ def general_claims(chambers: ChamberComparison, figures: Mapping[int, PaperFigur
 
 
 def followed(law: str) -> float:
-    """Return the largest error, m, of the drive of figure 2 along the sine R2 under a controller."""
+    """Return the largest error (m) of the drive of figure 2 along the sine R2 under a controller."""
     run = pn.control.run(slips.slow_drive(), law=law, reference="R2")
     return float(run.score["max_error_m"])
 
@@ -522,7 +522,7 @@ def chambers(topic: Topic, made: Reproduction) -> Blocks:
             (f"gas in chamber {side}, K", *(f"{float(t.min()):.0f} … {float(t.max()):.0f}" for t in runs))
             for side, runs in gas.items()
         ),
-        ("energy of chamber a from nowhere, J", *(f"{compared.energy_residual_j[law]:.1f}" for law in laws)),
+        ("energy created in chamber a, J", *(f"{compared.energy_residual_j[law]:.1f}" for law in laws)),
         ("largest difference of position, mm", None, f"{1e3 * compared.largest_difference('position'):.1f}"),
         ("largest difference of pressure a, bar", None, f"{1e-5 * compared.largest_difference('pressure_a'):.2f}"),
         ("largest difference of temperature b, K", None, f"{compared.largest_difference('temperature_b'):.0f}"),
@@ -557,7 +557,7 @@ def draw_chambers(compared: ChamberComparison) -> Figure:
 
 
 def provenance(topic: Topic, made: Reproduction) -> Blocks:
-    """Show software, the values of the default rig, the differing ones of other rigs, those of the drives, sources."""
+    """Show software, values of the default rig, different values of other rigs, values of the drives, and sources."""
     runs, base = made.chambers.runs, made.rigs[0].sources
     cited = (key for run in runs.values() for key in run.attrs["citations"])
     laws = (friction_laws()[name]["source"] for name in ("lugre", "stribeck"))

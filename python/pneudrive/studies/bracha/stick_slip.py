@@ -73,7 +73,7 @@ def creep(law: str) -> xr.Dataset:
     Returns
     -------
     xarray.Dataset
-        Trajectory after the transient of the start; time from zero.
+        Trajectory after the starting transient; its time begins at zero.
     """
     run = pn.simulate(
         slow_drive(law), [(0.0, OPENING[law])], SKIPPED_S + SHOWN_S, initial=START, sample_rate=SAMPLE_RATE
@@ -151,7 +151,7 @@ def whole_periods(motion: Columns) -> StickSlip:
 
 
 def sticks(found: StickSlip) -> bool:
-    """Return whether a motion is stick-slip."""
+    """Return whether a motion shows stick-slip."""
     ratio = found.peak_speed_m_s / found.mean_speed_m_s
     return found.periods >= LEAST_PERIODS and ratio >= LEAST_PEAK_RATIO and found.stuck_share >= LEAST_STUCK_SHARE
 

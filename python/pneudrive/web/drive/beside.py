@@ -57,7 +57,7 @@ class ExtrasRequest(RunRequest):
     others : tuple of str
         Drives and circuits to run with the same command, and trajectory files; from the workspace or the catalogue.
     spreads : dict
-        Key of a value -> text with both ends of its range, over which the members are spaced evenly.
+        Key of a value -> text with both ends of its range. The members are spaced evenly over this range.
     loops, motion, energy : bool
         Whether to return p-V loops, the data for an animation of the cylinders, and the balance of energy.
     """
@@ -384,7 +384,7 @@ _REACHED: dict[str, list[tuple[float, float, float]]] = {}
 
 
 def _reach(own: Platform) -> list[tuple[float, float, float]]:
-    """Return the outermost points of a workspace, m; cached, because most sliders do not change the mechanism."""
+    """Return the outermost points (m) of a workspace; cached, because most sliders do not change the mechanism."""
     key = repr((own.core.joints, own.legs, own.home.tolist()))
     if key not in _REACHED:
         if len(_REACHED) >= MOST_REACHED:

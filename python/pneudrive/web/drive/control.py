@@ -56,7 +56,7 @@ class ControlRequest(PageRequest):
         As for `pneudrive.control.run`. Files are in the workspace. An empty `mismatch` means no mismatch.
     seed : int
     duration : str
-        Duration of the run; empty: from the reference.
+        Duration of the run; empty: that of the reference.
     pixels : int
         Width of the drawing.
     """
@@ -77,8 +77,8 @@ class ControlRequest(PageRequest):
         Raises
         ------
         PneudriveError
-            A name is outside the workspace, a file is not valid, the drive cannot follow the reference or cannot
-            continue, or the run is too long for a page.
+            A name is outside the workspace, a file is not valid, the drive cannot follow the reference, the
+            simulation cannot continue, or the run is too long for a page.
         Cancelled
             The time limit is reached, or the page no longer waits.
         """
@@ -167,7 +167,7 @@ def _reference(workspace: Workspace, text: str) -> str:
 
 
 def answer(workspace: Workspace, asked: Keyed, limit: RunLimit) -> bytes:
-    """Run the request of a message, and return the frame of the answer with its number.
+    """Run the request of a message, and return the answer as a frame with the number of the request.
 
     Raises
     ------
@@ -202,7 +202,7 @@ def answer(workspace: Workspace, asked: Keyed, limit: RunLimit) -> bytes:
 
 
 def tried_law(workspace: Workspace, request: ControlRequest) -> Plain:
-    """Run a controller as requested. Return its largest error, m; null if it lost the drive.
+    """Run a controller as requested, and return its largest error (m).
 
     Raises
     ------
@@ -236,7 +236,7 @@ def _about(prepared: Prepared, run: Run) -> Plain:
     deviations = (ShownTable(TRUE, ("deviation", "value"), true),) if true else ()
     told = f"{tuning.law} for {tuning.belief.name}, every {1e3 * tuning.period_s:.3g} ms"
     setup = f"Setup {prepared.setup_name}. {prepared.setup.about}"
-    values = f"{len(about['assumed'])} values are assumed: Drive lists those of the drive."
+    values = f"{len(about['assumed'])} values are assumed: the page Drive lists those of the drive."
     return {
         "law": tuning.law,
         "drive": prepared.circuit.name,
@@ -297,7 +297,7 @@ Names = Annotated[list[str], BeforeValidator(_names)]
 
 
 class BenchmarkRequest(PageRequest):
-    """Request for a benchmark, from the page or from its folder to repeat it."""
+    """Request for a benchmark, from the page, or from the folder of the benchmark that is repeated."""
 
     drive: StrictStr = ""
     laws: Names = Field(default_factory=list, validate_default=True)
@@ -348,7 +348,7 @@ def requested_comparison(
     if resume is not None:
         asked = read_comparison(workspace.folder(resume)).about.get("asked")
         if not asked:
-            raise CommandError(f"{resume} does not record the command that started it", remedy="Run its command again.")
+            raise CommandError(f"{resume} does not record the command that started it", remedy="Repeat that command.")
         return BenchmarkRequest.of(asked).job(workspace, resume)
     return BenchmarkRequest.of(given).job(workspace, f"{RESULTS}/{folder_name(name)}", is_new=True)
 

@@ -86,7 +86,7 @@ def fields_of(described: Described) -> Plain:
 
 
 def _absent(described: Described, every: Sequence[DescribedValue]) -> set[str]:
-    """Return the keys of defaults that are not valid on their own, such as those of a cushion that is not given."""
+    """Return the keys of defaults that are valid only with other values, such as those of a missing cushion."""
     logs = [one.key for one in every if one.key.endswith("dwell.growth") and one.value != "saturating"]
     out = {f"{key.removesuffix('growth')}exponent" for key in logs}
     given = {key for key, _ in toml.leaves(described.to_dict())}
@@ -211,7 +211,7 @@ def edited(text: str, key: str, value: str | float) -> str:
     try:
         document = tomlkit.parse(text)
     except TOMLKitError:
-        raise CommandError("the text is not TOML", remedy="Correct the lines that are marked first.") from None
+        raise CommandError("the text is not TOML", remedy="First correct the marked lines.") from None
     at: Any = document
     *tables, last = _written_as(document, key)
     while tables or last not in at:
@@ -310,7 +310,7 @@ def shown_fmu(workspace: Workspace, path: str) -> Plain:
         f"{fmu.title}: FMI {fmu.version}, {kinds}; written by {fmu.tool}",
         notes=(
             f"{len(data) / 1e6:.3g} MB, SHA-256 {digest}, token {fmu.token}. Pressures are absolute.",
-            f"Compiled for {', '.join(sorted(systems - {''}))} only. For another system, export the drive there.",
+            f"Compiled for {', '.join(sorted(systems - {''}))} only.",
         ),
         tables=tuple(
             ShownTable(title, ("name", "unit", "start", "meaning"), rows)

@@ -123,7 +123,7 @@ class RunRequest(PageRequest):
         return with_changes(described_at(workspace, self.path, self.text), self.changes)
 
     def run(self, workspace: Workspace, described: Described, cancel: Flag) -> Run:
-        """Simulate the result of `described`.
+        """Simulate the drive or circuit `described`, and return its run.
 
         Raises
         ------

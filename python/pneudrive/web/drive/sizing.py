@@ -65,6 +65,7 @@ def shown_sizing(workspace: Workspace, path: str) -> Plain:
     done = sized.SizingResult.load(folder) if (folder / sized.SUMMARY).is_file() else None
     simulated = sized.read_choices(folder / sized.LINES)
     places = {} if done is None else {drive.name: place for place, drive in enumerate(done.ranked)}
+    files = {} if done is None else {drive.name: f"{path}/{file}" for file, drive in done.written.items()}
     task = SizingTask.model_validate(table)
     ranked = sorted(
         simulated, key=lambda drive: (places.get(drive.name, len(places)), not drive.is_feasible, drive.rank)
@@ -74,7 +75,7 @@ def shown_sizing(workspace: Workspace, path: str) -> Plain:
         "words": _in_words(task),
         "task": _file_of(workspace, task),
         "draws": draws,
-        "candidates": [_candidate(drive, places.get(drive.name), path) for drive in ranked],
+        "candidates": [_candidate(one, places.get(one.name), files.get(one.name, "")) for one in ranked],
         "view": done and done.view().data(),
         "sheet": done and done.best and upper("sizing_sheet")(done).data(),
         "done": done is not None and not done.interrupted,
@@ -96,7 +97,7 @@ def _in_words(task: SizingTask) -> str:
     )
 
 
-def _candidate(drive: SizedDrive, place: int | None, folder: str) -> Plain:
+def _candidate(drive: SizedDrive, place: int | None, file: str) -> Plain:
     limits = []
     for name, (value, limit, unit) in drive.worst.items():
         factor, read = READ.get(unit, (1.0, unit))
@@ -121,7 +122,7 @@ def _candidate(drive: SizedDrive, place: int | None, folder: str) -> Plain:
         "limits": limits,
         "misses": not drive.is_feasible,
         "place": place,
-        "file": f"{folder}/{place + 1:02d}.toml" if place is not None and place < sized.WRITTEN else "",
+        "file": file,
     }
 
 

@@ -155,7 +155,8 @@ def map_slice(workspace: Workspace, path: str, fit: str, speed: Literal["all"] |
     fit : str
         Name of the fit, next to the map, whose curves are drawn.
     speed : float or "all"
-        Speed, m/s. Points within `NEAR` of it are used. "all": all points are used; curves are at a seal's mean speed.
+        Speed in m/s. Points within `NEAR` of it are used. "all": all points are used, with curves at a seal's mean
+        speed.
 
     Raises
     ------
@@ -203,7 +204,7 @@ def map_slice(workspace: Workspace, path: str, fit: str, speed: Literal["all"] |
 
 
 def _curve(fit: FrictionFit, x: Array, measured: list[float], *at: Array | float) -> Plain:
-    """Return the friction of a fit at speeds and gauge pressures, with its interval, over one of the two."""
+    """Return the friction of a fit with its interval, over speed or over a gauge pressure."""
     curve = fit.predict(*at)
     columns = {"x": x, "y": curve.friction_n, "low": curve.lower_n, "high": curve.upper_n}
     return {name: values.tolist() for name, values in columns.items()} | {"measured": [min(measured), max(measured)]}

@@ -93,7 +93,7 @@ class OpenRecording:
 
     @cached_property
     def span(self) -> Interval:
-        """First and last time, s. For a single sample, the span is one second, because a view needs a width."""
+        """First and last time, in s. For a single sample, the span is one second, because a view needs a width."""
         first, last = float(self.pyramid.time[0, 0]), float(self.pyramid.time[-1, 1])
         return (first, last) if first < last else (first - 0.5, last + 0.5)
 
@@ -202,7 +202,7 @@ class ViewRequest(PageRequest):
     beside : str or None
         Another recording that is drawn in the same panels.
     shift : float
-        Time shift of the other recording, s.
+        Time shift of the other recording, in s.
     """
 
     start: FiniteFloat = Field(alias="from")
@@ -214,7 +214,7 @@ class ViewRequest(PageRequest):
 
     @property
     def span(self) -> Interval:
-        """Start and end of the view, s.
+        """Start and end of the view, in s.
 
         Raises
         ------
@@ -362,12 +362,12 @@ def measured(
     workspace : Workspace
     path : str
     at : (float, float)
-        Two times, s, or sample numbers.
+        Two times in s, or two sample numbers.
     columns : tuple of str
     beside : str
         Another recording; may be empty.
     shift : float
-        Time shift of the other recording, s.
+        Time shift of the other recording, in s.
     """
     recordings, rows = workspace.state(Recordings), list[Plain]()
     own = recordings.need(path)

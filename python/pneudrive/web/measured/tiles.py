@@ -43,7 +43,7 @@ class Pyramid:
     count : int
         Samples.
     time : ndarray, shape (blocks, 2)
-        First and last time of each block, s.
+        First and last time of each block, in s.
     low, high : ndarray, shape (channels, blocks)
         32-bit, rounded outward. NaN for a block without numbers.
     missing : ndarray, shape (channels, blocks)
@@ -136,8 +136,8 @@ class Pyramid:
         Parameters
         ----------
         span : (float, float)
-            First and last time, s.
-        pixels : int
+            First and last time, in s.
+            pixels : int
         channels : sequence of str
             Some of `names`.
         samples : callable
@@ -182,9 +182,9 @@ def _with_gaps(
     Parameters
     ----------
     begins, ends : ndarray
-        First and last time of each column, s.
+        First and last time of each column, in s.
     width : float
-        Width of a pixel, s.
+        Width of a pixel, in s.
     found : dict
         Lowest and highest values of each channel.
     """

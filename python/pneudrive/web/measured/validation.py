@@ -86,7 +86,7 @@ def _read(workspace: Workspace, name: str) -> Plain:
 
 
 def _suspects(drive: Drive | None, diagnosis: Keyed) -> list[Plain]:
-    """Return fields for values named by the causes but not contained in the file.
+    """Return fields for values that causes name but the file does not contain.
 
     Such values are derived from others.
     """
@@ -136,7 +136,7 @@ class FrameRequest(PageRequest):
     record : int
         Index of the record in the validation.
     span : (float, float)
-        First and last time, s.
+        First and last time, in s.
     pixels : int
         Width of the drawing.
     drive : str
@@ -170,7 +170,7 @@ def frame_of(workspace: Workspace, asked: Keyed, number: object) -> bytes:
         raise wrong_request()
     path = workspace.path(f"{name.rpartition('/')[0]}/{records[request.record]['run']}".lstrip("/"), TABLES)
     if not path.is_file():
-        raise CommandError(f"{path.name} is missing beside {name}", remedy="Validate again.")
+        raise CommandError(f"{path.name} is missing next to {name}", remedy="Validate again.")
     table, signals = _run(path, path.stat().st_mtime_ns)
     head: Plain = {"number": number}
     columns = {"time_s": table["time_s"], "command": table["command"]}
@@ -203,7 +203,7 @@ def _run(path: Path, _changed_ns: int) -> tuple[Plain, Signals]:
 
 
 def _changed(drive: Any, changes: Plain, signals: Signals) -> tuple[dict[str, float], Keyed]:  # noqa: ANN401
-    """Return the free run of a drive with changed values, and the agreement of each channel, %."""
+    """Return the free run of a drive with changed values, and the agreement (%) of each channel."""
     if not isinstance(drive, Drive):
         raise CommandError("a circuit cannot be validated here")
     if signals.time_s.size > MOST_LIVE:

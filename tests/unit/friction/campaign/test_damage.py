@@ -114,7 +114,7 @@ def test_a_folder_that_is_no_campaign(tmp_path):
 
 MISTAKES = {
     "force of the other sign": (lambda f: f.with_columns(-pl.col("force_n")), "negative"),
-    "positions in millimetres": (lambda f: f.with_columns(pl.col("position_m") * 1e3), "beyond any pneumatic rig"),
+    "positions in millimetres": (lambda f: f.with_columns(pl.col("position_m") * 1e3), "more than on any pneumatic"),
     "times in milliseconds": (lambda f: f.with_columns(pl.col("time_s") * 1e3), "times the speed in"),
     "nothing": (lambda f: f, None),
 }

@@ -121,6 +121,7 @@ def test_a_stop_gives_relaxation_breakaway_and_way_back(tmp_path):
         assert s.relaxation_n == pytest.approx(true, abs=0.2)
         assert s.relaxation_n_per_decade_low < rate < s.relaxation_n_per_decade_high + 0.03
         assert s.recovery_m == pytest.approx(world.length_m * np.log(20.0), rel=0.1)
+        assert s.recovery_m_low <= s.recovery_m <= s.recovery_m_high
         assert s.recovery_s == pytest.approx(s.recovery_m / world.speed_m_s, rel=0.1)
         assert s.recovery_complete
     for s in rows:

@@ -251,7 +251,7 @@ def test_effects_and_sentences_are_those_of_a_campaign(found):
     assert rise == pytest.approx(RISE_N_BAR, abs=0.1)
     assert {pattern.levels for pattern in result.position} == set(RISE_N_BAR)  # each seal has its own pattern
     said = [statement.text for statement in result.statements]
-    assert any(text.startswith("The order of the recordings in time is not known") for text in said)
+    assert any(text.startswith("No speed was repeated in a known order") for text in said)
     assert any(text.startswith("A cycle repeats within") for text in said)
     assert result.friction_map is found.friction_map
 

@@ -100,7 +100,7 @@ def test_strokes_longer_than_a_part_are_read_as_longer_parts_up_to_a_bound(make,
         s.strokes for s in whole.levels[0].spreads.values()
     ]
     monkeypatch.setattr(extraction, "LARGEST_PART", 2)
-    with pytest.raises(RecordingError, match="samples hold"):
+    with pytest.raises(RecordingError, match="samples contain"):
         characterise_recordings(tmp_path / "a.parquet", layout)
 
 

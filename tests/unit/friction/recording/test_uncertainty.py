@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ import pytest
 from pneudrive.characterise import characterise_recordings, read_map
 from pneudrive.friction.bins import pair_stderr, profile_stderr, spread_of
 from pneudrive.friction.campaign.characteristics import recorded_characteristics
+from pneudrive.friction.characterisation import _differences
 from pneudrive.friction.strokes import StrokeUse
 
 
@@ -161,7 +163,7 @@ def test_strokes_that_miss_the_window_are_counted_with_their_reason(partial):
     assert (use.recorded, use.used) == (16, 9)
     assert use.left_out == {"window": 6, "unsettled": 1}
     assert any(
-        note == "partial: 9 of 16 strokes are used; not used: 6 across less than a quarter of the window, "
+        note == "partial: 9 of 16 strokes are used; not used: 6 that cross less than a quarter of the window, "
         "1 with too few settled samples in the window."
         for note in found.notes
     )
@@ -177,7 +179,7 @@ def test_a_recording_whose_strokes_all_count_has_no_note(make):
     assert not any("strokes are used" in note for note in found.notes)
 
 
-def test_terminal_map_and_report_say_the_same(partial, tmp_path, printed):
+def test_terminal_map_and_report_say_the_same(partial, tmp_path, printed, undrawn):
     columns = np.column_stack([partial.time_s, *(getattr(partial, c) for c in ("position_m", "force_n"))])
     columns = np.column_stack([columns, partial.pressure_b_pa])
     head = "time_s,position_m,force_n,pressure_b_pa"
@@ -186,8 +188,31 @@ def test_terminal_map_and_report_say_the_same(partial, tmp_path, printed):
     out = tmp_path / "out"
     said = " ".join(printed(["characterise", tmp_path / "partial.csv", "--out", out]).split())
     assert "9 of 16" in said
-    assert "6 across less than a quarter of the window" in said
+    assert "6 that cross less than a quarter of the window" in said
     assert read_map(out / "map.csv")["strokes_recorded"].to_numpy().tolist() == [8, 8]
     page = (out / "report.html").read_text(encoding="utf-8")
     assert "9 of 16 strokes are used" in page
-    assert "6 across less than a quarter of the window" in page
+    assert "6 that cross less than a quarter of the window" in page
+
+
+@pytest.mark.parametrize(("off", "is_said"), [(0.0726, False), (0.2, True)])
+def test_the_largest_of_several_differences_needs_more_than_the_u_of_one(off, is_said):
+    """Two recordings of one truth, at four speeds in both directions: one of the differences exceeds its own U."""
+
+    def recorded(name, *friction):
+        same = {
+            "recording": name,
+            "gauge_pa": {"a": 0.0, "b": 0.0},
+            "seal": "NBR",
+            "sides": {1: 0, -1: 0},
+            "budget": (),
+        }
+        levels = [
+            SimpleNamespace(**same, friction_n=one, stderr_n=0.0255, speed_m_s=0.02 * (k + 1))
+            for k, one in enumerate(friction)
+        ]
+        return SimpleNamespace(levels=tuple(levels))
+
+    notes = _differences((recorded("first", 32.6, 28.4, 28.05, 31.0), recorded("again", 32.6, 28.4, 28.05 - off, 31.0)))
+    assert bool(notes) == is_said
+    assert all("difference of 0.2 N, 0.71 %" in note and "95 % for 8 comparisons" in note for note in notes)

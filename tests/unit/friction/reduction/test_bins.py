@@ -61,16 +61,30 @@ def test_a_well_sampled_peak_is_measured(make, offset):
     assert len(good) >= 8
     a = np.linspace(0.0, 2e-3, 2001)
     truth = (5 * (1 - 2 * np.exp(-a / 1e-4)) + PEAK * np.exp(-a / DECAY) * (1 - np.exp(-a / 1e-4))).max()
-    assert np.median([p.friction_n for p in good]) == pytest.approx(truth, abs=0.1 if offset == 0.0 else 0.5)
+    assert np.median([p.friction_n for p in good]) == pytest.approx(truth, abs=0.1 if offset == 0.0 else 0.55)
     assert level.sides[1].dwell_s == pytest.approx(0.5, abs=0.05)
     assert all(p.loading_rate_n_s > 100 for p in good)
     for row in level.rows:
-        assert row["breakaway_n"] == pytest.approx(truth, abs=0.1 if offset == 0.0 else 0.5)
+        assert row["breakaway_n"] == pytest.approx(truth, abs=0.1 if offset == 0.0 else 0.55)
         assert "breakaway_spoiled" not in row["flags"]
 
 
+@pytest.mark.parametrize("noise", [0.3, 0.6])
+def test_noise_of_the_force_does_not_raise_it(make, noise):
+    """The largest of many noisy samples is too large by 2 to 3 standard deviations of the noise."""
+    quiet = with_peaks(make, rate=1000.0)
+    drawn = np.random.default_rng(5).normal(0.0, noise, len(quiet))
+    rows = [
+        characterise_recordings(replace(quiet, force_n=quiet.force_n + force)).levels[0].rows for force in (0.0, drawn)
+    ]
+    for exact, noisy in zip(*rows, strict=True):
+        assert noisy["breakaway_n"] == pytest.approx(exact["breakaway_n"], abs=0.6 * noise)
+
+
 def test_fewer_than_ten_samples_on_the_rise_spoil_it(make):
-    level = characterise_recordings(with_peaks(make, rate=60.0)).levels[0]
+    found = characterise_recordings(with_peaks(make, rate=60.0))
+    level = found.levels[0]
+    assert [row.text for row in found.view().rows if row.quantity == "flags"] == ["breakaway_spoiled"]
     assert all("undersampled" in p.flags for p in level.peaks)
     assert all(np.isnan(row["breakaway_n"]) and "breakaway_spoiled" in row["flags"] for row in level.rows)
 

@@ -90,7 +90,7 @@ def test_each_stroke_is_measured():
 def test_no_motion_is_refused():
     with pytest.raises(RecordingError, match="no motion"):
         find_stick_slip(np.arange(100.0), np.zeros(100))
-    with pytest.raises(RecordingError, match="one length"):
+    with pytest.raises(RecordingError, match="equal length"):
         find_stick_slip(np.arange(100.0), np.zeros(99))
 
 

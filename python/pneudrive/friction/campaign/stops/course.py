@@ -16,7 +16,7 @@ Relaxation of the force while the piston is held has one of four forms:
   two times     f = a - A1 [1 - exp(-t/tau1)] - A2 [1 - exp(-t/tau2)]
   none          f = a
 
-All four forms are fitted to means over bins that are even in log time, and compared by AICc [burnham2002].
+All four forms are fitted to means over bins of equal width in log time, and compared by AICc [burnham2002].
 """
 
 from __future__ import annotations
@@ -81,12 +81,12 @@ class Phases:
 
     @property
     def dwell_s(self) -> float:
-        """Duration of the rest."""
+        """Duration of the rest, in s."""
         return self.restart_s - self.rest_s
 
 
 def find_phases(cycle: Cycle, time_s: Array, position_m: Array, step: Ints) -> Phases:
-    """Find the stop of a cycle.
+    """Find approach, rest and restart of the stop of a cycle.
 
     Parameters
     ----------
@@ -111,7 +111,7 @@ def find_phases(cycle: Cycle, time_s: Array, position_m: Array, step: Ints) -> P
 
 
 def stop_step(cycle: Cycle) -> int | None:
-    """Return the index of the hold that is the stop of a cycle: before a move, and with the planned duration.
+    """Return the index of the stop of a cycle. It is the hold with the planned duration that precedes a move.
 
     None without such a hold.
     """
@@ -193,7 +193,7 @@ NOISE_OF_STEPS = 0.954  # median size of the step between two values of noise 1
 
 @dataclass(frozen=True, eq=False)
 class UninterruptedStroke:
-    """One stroke at constant speed without a stop: friction over increasing position, as block means, shape (m,).
+    """One stroke at constant speed without a stop: block means (m,) of friction over increasing position.
 
     ``noise_n`` is the standard deviation of one mean.
     """
@@ -251,7 +251,7 @@ def read_strokes(files: Sequence[CycleFile], identity: Identity) -> list[Uninter
 
 
 def _means(values: Array, most: int) -> tuple[Array, float]:
-    """Return the means over equal parts, and the mean number of samples in a part."""
+    """Return the means over parts of equal size, and the mean number of samples in a part."""
     edges = np.linspace(0, values.size, min(most, values.size) + 1).astype(int)
     sizes = np.diff(edges)
     return np.add.reduceat(values, edges[:-1]) / sizes, sizes.mean()
@@ -264,7 +264,7 @@ def _noise(values: Array) -> float:
 
 @dataclass(frozen=True, eq=False)
 class Running:
-    """Friction as it would be without the stop.
+    """Friction that the piston would have without the stop.
 
     Attributes
     ----------
@@ -397,7 +397,7 @@ def _interval(name: str, value: float, low: float, high: float) -> Row:
 
 
 def bin_excess(travel_m: Array, time_s: Array, excess_n: Array, noise_n: float, texture_n: float) -> Array | None:
-    """Average over bins whose width grows with travel; None if there are too few samples.
+    """Average the excess over bins whose width grows with travel. Return None if there are too few samples.
 
     Parameters
     ----------
@@ -495,7 +495,7 @@ def recover(bins: Array, running_stderr_n: float, speed_m_s: float) -> Row:
 
 
 def _by_bins(travel: Array, above: Array, sigma: Array) -> tuple[float, float, float]:
-    """Return the distance, with its error, at which the binned excess falls below 5 % and stays there."""
+    """Return the distance, with bounds, at which the binned excess falls below 5 % and stays there."""
     top = above[: max(2, above.size // 10)].mean()
 
     def crossing(shift: float) -> float:

@@ -41,7 +41,7 @@ if TYPE_CHECKING:
 
 
 def inertia_of(stops: pl.DataFrame) -> float:
-    """Return the median of the largest contributions of the moving mass to the peaks, N."""
+    """Return the median of the largest contributions of the moving mass to the peaks, in N."""
     return float(np.median(stops["inertia_n"]))
 
 
@@ -52,9 +52,9 @@ class DwellPressure:
     Attributes
     ----------
     slopes : dict
-        Chamber (a, b, or sum if both changed together) -> change of the slope per decade with its pressure, N/Pa.
+        Chamber (a, b, or sum if both changed together) -> change of the slope per decade with its pressure, in N/Pa.
     increments : dict
-        Chamber -> change of the increment at the reference duration, N/Pa.
+        Chamber -> change of the increment at the reference duration with its pressure, in N/Pa.
     statement : str
     """
 
@@ -82,9 +82,9 @@ class DwellSeries(Shown):
     reference_s : float
         Stop duration at which slopes are evaluated.
     slopes : tuple of Estimate
-        Slope per decade of the increment at the reference duration, at each condition, N; independent of a law.
+        Slope of the increment at the reference duration, in N per decade, at each condition; without a law.
     mean_slopes : tuple of Estimate
-        Mean slope per decade from the shortest to the longest duration, at each condition, N; independent of a law.
+        Mean slope from the shortest to the longest duration, in N per decade, at each condition; without a law.
     slope, mean_slope, increment : Estimate or None
         Means over the conditions. The increment applies at the reference duration.
     share : Estimate or None
@@ -154,7 +154,7 @@ class DwellSeries(Shown):
         return found
 
     def slope_at(self, duration_s: float) -> tuple[Estimate, ...]:
-        """Return the slope per decade at another duration, at each condition, N; independent of a law."""
+        """Return the slope in N per decade at another duration and each condition, without a law."""
         if self.curve is None:
             return ()
         return tuple(self.curve.slopes(np.log10([duration_s])).estimates())
@@ -180,13 +180,13 @@ class ContactAge:
     exponent : float
         Exponent of the saturating growth.
     increment : Estimate
-        B, N.
+        B, in N.
     time : Estimate
-        tau, s.
+        tau, in s.
     distance : Estimate or None
-        L, m. None if no return to sliding was observed; `ASSUMED_DISTANCE_M` is then used.
+        L, in m. None if no return to sliding was observed; `ASSUMED_DISTANCE_M` is then used.
     share_a_pa, share_b_pa : float
-        s_a and s_b, 1/Pa; 0 if not significant.
+        s_a and s_b, in 1/Pa; 0 if not significant.
     together : bool
         Whether both pressures changed together. Half of the effect is then assigned to each chamber.
     """
@@ -202,11 +202,11 @@ class ContactAge:
 
     @property
     def distance_m(self) -> float:
-        """L, measured or assumed."""
+        """L in m, measured or assumed."""
         return ASSUMED_DISTANCE_M if self.distance is None else self.distance.value
 
     def sliding_n(self, speed_m_s: float) -> float:
-        """Return the ageing force in steady sliding at ambient pressure, N."""
+        """Return the ageing force, in N, in steady sliding at ambient pressure."""
         age = np.array([self.distance_m / speed_m_s])
         return float(self.increment.value * self.form.psi(age, self.time.value, self.exponent)[0])
 
@@ -373,7 +373,7 @@ GRID_POINTS = 61
 
 
 def fit_dwell(stops: pl.DataFrame, ambient_pressure_pa: float) -> tuple[tuple[DwellSeries, ...], list[Statement]]:
-    """Describe breakaway over stop duration.
+    """Fit and describe breakaway over stop duration.
 
     Parameters
     ----------

@@ -86,12 +86,12 @@ class DwellForm:
         return self.growth in {"saturating", "hyperbolic"}
 
     def derivatives(self, duration_s: Array, time_s: float, exponent: float | None = None) -> Array:
-        """Return psi and its derivatives with respect to duration, time and exponent, shape (n, 4)."""
+        """Return psi and its derivatives with respect to duration, time constant and exponent, as columns (n, 4)."""
         m = self.exponent if exponent is None else exponent
         return _core.dwell_growth(self.growth, np.asarray(duration_s, dtype=float), time_s, m)
 
     def psi(self, duration_s: Array, *shape: float) -> Array:
-        """Return psi, shape (n,)."""
+        """Return the growth psi (n,) at these durations."""
         return self.derivatives(duration_s, *shape)[:, 0] if self.growth else np.zeros(np.shape(duration_s))
 
     def slope(self, duration_s: float, *shape: float) -> float:
@@ -106,7 +106,7 @@ FORMS = tuple(DwellForm(name, **row) for name, row in package_table(__file__, "d
 
 @dataclass(frozen=True, eq=False, repr=False)
 class DwellLawFit(Shown):
-    """One law, fitted.
+    """A law of breakaway over stop duration, fitted to stops.
 
     Attributes
     ----------
@@ -114,7 +114,7 @@ class DwellLawFit(Shown):
     shape : dict
         Shape parameter -> estimate. An open side of its interval means that the data do not determine this bound.
     shape_intervals : dict
-        Shape parameter -> (low, high), 95 %; 0 or inf where open.
+        Shape parameter -> 95 % interval (low, high); an open side is 0 or inf.
     level_n, amplitude_n : ndarray, shape (C,)
         a and B at each condition.
     slope_n, slope_low_n, slope_high_n : float
@@ -179,7 +179,7 @@ def _fit(curve: DwellCurve, form: DwellForm, whitener: Array, reference_s: float
     fixed, n = np.c_[own, curve.extra], dwell.size
 
     def at(times: Array) -> mixed.Scan:
-        """Fit the law at these times, and at all exponents if they are free."""
+        """Fit the law at these time constants, and at all exponents if the exponent is free."""
         every = list(product(*(times, EXPONENTS)[: len(form.units)]))
         shapes = np.array(every).reshape(len(every), -1 if form.units else 0)
         designs = np.broadcast_to(fixed, (len(shapes), *fixed.shape))
@@ -254,7 +254,7 @@ def most_durations(data: dict[str, NDArray]) -> int:
 
 @dataclass(frozen=True, eq=False)
 class DwellCurve:
-    """The fitted curve.
+    """Fitted curve of breakaway over stop duration, without a law.
 
     Attributes
     ----------
@@ -281,7 +281,7 @@ class DwellCurve:
     weight: Array
 
     def slopes(self, log_s: Array) -> mixed.Functionals:
-        """Return the slope per decade at log10 durations, N; condition by condition."""
+        """Return the slope in N per decade at log10 durations, condition by condition."""
         return self.values(log_s, derivative=True)
 
     def gains(self, low: float, high: float) -> mixed.Functionals:
@@ -291,7 +291,7 @@ class DwellCurve:
         return self.values(np.array([low, high])).combine(rows.astype(float))
 
     def values(self, log_s: Array, *, derivative: bool = False) -> mixed.Functionals:
-        """Return the increment at log10 durations, or its derivative, N; condition by condition."""
+        """Return the increment in N at log10 durations, or its derivative, condition by condition."""
         conditions, log_stop_s = len(self.conditions), self.data["log_s"]
         of, at = np.repeat(np.arange(conditions), log_s.size), np.tile(log_s, conditions)
         rows = np.arange(of.size)
@@ -312,7 +312,7 @@ class DwellCurve:
 
 
 def fit_curve(stops: pl.DataFrame, conditions: tuple[Condition, ...], drift_prior_n: float) -> DwellCurve | None:
-    """Fit the curve; None if too few stops are left to estimate the scatter.
+    """Fit the curve without a law. Return None if too few stops are left to estimate the scatter.
 
     Parameters
     ----------
@@ -372,7 +372,7 @@ def fit_curve(stops: pl.DataFrame, conditions: tuple[Condition, ...], drift_prio
 
 
 def _places_and_drift(data: dict[str, NDArray], x: Array, drift_prior_n: float) -> tuple[Array, Array, float]:
-    """Return fixed columns of positions and drift, the column of a hidden drift, and its variance inflation."""
+    """Return fixed columns of positions and drift, the column of a hidden drift, and the slope's variance inflation."""
     n = len(x)
     at = np.round(data["position_m"] / SAME_PLACE_M).astype(np.int64)
     names, member = np.unique(cells(data["direction"], at), return_inverse=True)
@@ -403,7 +403,7 @@ def _inflation(x: Array, conditions: int, drift: Array) -> float:
 
 
 def _first_scatter(data: dict[str, NDArray], x: Array) -> float:
-    """Return a first estimate of the scatter beyond noise: within equal stops, otherwise about lines."""
+    """Return a first estimate of the scatter beyond noise, from repeated stops, otherwise from residuals of lines."""
     y = data["increment_n"]
     cell = cells(data["condition"], levels(data["log_s"], SAME_DURATION))
     repeats = y.size - cell.max() - 1
@@ -426,7 +426,7 @@ KATO_M = 0.4
 
 @dataclass(frozen=True, repr=False)
 class StopDesign(Shown):
-    """Proposed stops.
+    """Proposed durations and repeats of stops.
 
     Attributes
     ----------
@@ -493,7 +493,7 @@ def design_stops(form: str, scale_s: float, stops: int = 12, factor: float = 3.0
     if form not in laws:
         raise FitError(f"there is no dwell law {form!r}", remedy=nearest(form, laws))
     if min(scale_s, noise_n) <= 0.0 or factor < 1.0:
-        raise FitError("time constant and noise must be positive, and a factor 1 or more")
+        raise FitError("time constant and noise must be positive, and the factor at least 1")
     t = np.array([float(f"{v:.{DIGITS}g}") for v in np.geomspace(*RANGE_S, DURATIONS)])
     # Derivatives with respect to level, increment, ln time constant and ln exponent, for each sample of the prior.
     gradients = []

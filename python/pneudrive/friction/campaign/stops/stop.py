@@ -5,7 +5,7 @@ sensor and slow drift cancel. Samples are raw. Friction is direction * balance h
 
 All stops of a campaign form one table, in memory and as a file.
 
-Height of a breakaway peak from noisy samples.
+The height of a breakaway peak must be free of bias, although samples are noisy.
 
 The largest of many noisy samples is biased upwards, and the largest of smoothed samples is biased downwards. Therefore,
 one half of the samples locates the peak, and the other half gives its height. Then the halves are exchanged. The noise
@@ -73,7 +73,7 @@ TRACE = ("trace_time_s", "trace_position_m", "trace_friction_n")
 def _read(file: CycleFile, samples: Samples, identity: Identity, others: Sequence[course.UninterruptedStroke]) -> Row:
     """Return the columns of a stop.
 
-    Uninterrupted strokes of `others`, which are other cycles, serve cycles without their own.
+    `others` are uninterrupted strokes of other cycles, for cycles without such strokes.
     """
     recording, _ = recording_of(file, identity, samples)
     step = steps_of(recording, samples)
@@ -131,7 +131,7 @@ def _read(file: CycleFile, samples: Samples, identity: Identity, others: Sequenc
 
 
 def _recovery(recording: Recording, friction: Array, part: slice, direction: int, running: course.Running) -> Row:
-    """Fit the return to sliding over the part after the peak at constant speed."""
+    """Fit the return to sliding after the peak, over the part at constant speed."""
     if not np.isfinite(running.level_n) or part.stop - part.start < 2:
         return {}
     position = recording.position_m[part]
@@ -170,7 +170,7 @@ def _flags(
 
 
 def _pressure_moves_n(recording: Recording, phases: course.Phases, at_peak: int) -> float:
-    """Return the change of the force of the air from before the restart to the peak, beyond noise, N."""
+    """Return the change in air force from before the restart to the peak, in N, beyond noise."""
     moved = 0.0
     for side in ("a", "b"):
         channel = getattr(recording, f"pressure_{side}_pa")
@@ -182,7 +182,7 @@ def _pressure_moves_n(recording: Recording, phases: course.Phases, at_peak: int)
 
 
 def _inertia(recording: Recording, peak: BreakawayPeak, speed_m_s: float | None) -> float:
-    """Return the force overshoot of a mass that breaks loose on the rig's spring at the speed of the axis, N."""
+    """Return the force overshoot, in N, of a mass that breaks loose on the rig's spring at the speed of the axis."""
     speed = 2.0 * peak.travel_m / max(peak.time_s, 1e-12)  # at constant acceleration; less in a longer move
     speed = min(speed, speed_m_s) if speed_m_s is not None else speed
     stiffness = recording.stiffness_n_m or abs(np.nan_to_num(peak.loading_rate_n_s)) / max(speed, 1e-12)
@@ -210,7 +210,7 @@ def find_stops(
     ----------
     campaign : Campaign
     processes : int, optional
-        None: one for each processor, with enough stops.
+        None: one for each processor if there are enough stops.
     files : sequence of CycleFile, optional
         Usable files of the campaign, if known.
 
@@ -243,7 +243,7 @@ def find_stops(
 
 
 def _comparable(files: Sequence[CycleFile], stops: Sequence[CycleFile]) -> list[CycleFile]:
-    """Return cycles without a stop, at condition and speed of a stop without its own uninterrupted stroke."""
+    """Return cycles without a stop, at the condition and speed of stops that lack an uninterrupted stroke."""
     wanted = {_place(f) for f in stops if not _has_reference(f.head.cycle)}
     found: dict[tuple, list[CycleFile]] = {}
     for file in files:
@@ -288,7 +288,7 @@ RISE_LAGS, FALL_LAGS, FEWEST_ON_A_SIDE, LEAST_LAG = (1.0, 6.0), (2.0, 7.0), 3, 3
 
 
 def corner_height(friction_n: Array, top: int, excess_n: float, one_n: float, many_n: float) -> Pair | None:
-    """Return height and standard error of the peak.
+    """Return height and standard error of the peak from the fit of a corner.
 
     Parameters
     ----------
@@ -323,7 +323,7 @@ def corner_height(friction_n: Array, top: int, excess_n: float, one_n: float, ma
 
 
 def lag_loss(time_s: Array, friction_n: Array, at_s: float, bandwidth_hz: float) -> float:
-    """Return the loss of height by a first-order sensor, N: exact for a corner, an upper bound for a rounded peak.
+    """Return the height, in N, that a first-order sensor loses: exact for a corner, upper bound for a rounded peak.
 
     A corner between a rise r and a fall q appears lower by q tau ln(1 + r / q), tau = 1 / (2 pi f). This is the largest
     response of a first-order lag to two ramps.
@@ -384,7 +384,7 @@ def _places(friction: Array, top: int, many_n: float) -> tuple[Scan, Array]:
 
 
 def _columns(t: Array, grid: Array) -> Array:
-    """Return design columns at times (n,) or (g, n) for each corner and roundness (g, 2), shape (g, n, 4)."""
+    """Return the design columns (g, n, 4) at times (n,) or (g, n), for each corner and roundness (g, 2)."""
     corner, roundness = grid[:, :1], grid[:, 1:]
     away = t - corner
     width = np.where(roundness > 0.0, roundness, 1.0)
@@ -421,7 +421,7 @@ QUICK = 5  # samples of the mean for the search of a peak's place
 
 @dataclass(frozen=True)
 class BreakawayPeak:
-    """A peak.
+    """Breakaway peak after a restart.
 
     Attributes
     ----------
@@ -553,9 +553,9 @@ class Noise:
         return np.hypot(self.white, self.slow)
 
     def of_mean(self, weights: Array, spacing: int, share: float = 1.0) -> float:
-        """Return the standard deviation of a weighted sum of samples that are `spacing` s apart.
+        """Return the standard deviation of a weighted sum of every `spacing`-th sample.
 
-        `share` is the fraction of white variance.
+        `share` is the fraction of the white variance that remains.
         """
         variance = share * self.white**2 * (weights @ weights)
         if self.slow > 0.0:
@@ -567,21 +567,21 @@ class Noise:
 
 
 def _run(mask: Bools, at: int) -> slice:
-    """Return the run of marked samples that contains a sample; empty if the sample is not marked."""
+    """Return the run of marked samples around sample `at`. It is empty if this sample is not marked."""
     before, after = np.flatnonzero(~mask[:at]), np.flatnonzero(~mask[at:])
     stop = at + int(after[0]) if after.size else mask.size
     return slice(min(int(before[-1]) + 1 if before.size else 0, stop), stop)
 
 
 def _quick(values: Array) -> Array:
-    """Return the centred mean of a few samples, fewer at the ends."""
+    """Return the centred moving average over `QUICK` samples, or fewer at the ends."""
     return moving_average(values, QUICK) if values.size >= QUICK else values
 
 
 def _search_end(
     travel: Array, friction: Array, running: float, noise: Noise, stiffness: float | None
 ) -> tuple[int, bool]:
-    """Return the last sample of the search, and whether the force has fallen by then."""
+    """Return the sample at which the search for a peak ends, and whether the force has fallen by then."""
     smooth = _quick(friction)
     spread = noise.of_mean(np.full(QUICK, 1.0 / QUICK), 1)
     reached = np.flatnonzero(smooth >= running - 3.0 * spread)
@@ -629,7 +629,7 @@ def _even(time: Array, friction: Array) -> ArrayPair:
 
 
 def _height(time: Array, friction: Array, noise: Noise) -> tuple[float, float, float, float]:
-    """Return the height of the highest point with its standard error, its time, and the width of the parabola, s."""
+    """Return height, standard error and time (s) of the highest point, and the width (s) of the parabola."""
     # First the largest sample minus its bias from noise; its uncertainty is from noise and the step to the next sample.
     top = np.argmax(_quick(friction))
     first = max(top - SINGLE, 0)
