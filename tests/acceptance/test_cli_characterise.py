@@ -56,7 +56,7 @@ def test_a_campaign_becomes_curves_effects_fit_and_report(tmp_path, printed):
     for name in ("map.parquet", "map.csv", "curves.parquet", "effects.toml", "fit.toml", "report.html"):
         assert (out / name).stat().st_size > 500, name
         assert name in said
-    with pytest.raises(RecordingError, match="not a friction map.*lacks recording"):
+    with pytest.raises(RecordingError, match=r"not a friction map.*lacks recording"):
         pn.load(out / "curves.parquet")
     assert "! Both" in said or "cannot be determined" in said  # equal pressures tell the sum only
     assert "Remedy:" in said

@@ -12,9 +12,10 @@ from pneudrive.report.recordings import closures
 def test_the_demo_prints_five_lines_and_where_the_report_lies(demonstration):
     assert demonstration.status == 0
     lines = demonstration.printed.splitlines()
-    assert [line[:3] for line in lines[1:7]] == ["1. ", "2. ", "3. ", "4. ", "5. ", "6. "]
+    assert [line[:3] for line in lines[1:8]] == ["1. ", "2. ", "3. ", "4. ", "5. ", "6. ", "7. "]
     assert "30 recordings" in lines[0]
-    assert "16 of 22 sentences that can be checked hold, 5 hold in part, 1 does not hold" in lines[6]
+    assert "NAPN: the law does not follow the values" in lines[1]  # line over pressure: docs/theory/fit.md
+    assert "16 of 22 sentences that can be checked hold, 5 hold in part, 1 does not hold" in lines[7]
     report = Path(lines[-1].removeprefix("Report: "))
     assert report == demonstration.folder / "report.html"
     page = report.read_text(encoding="utf-8")

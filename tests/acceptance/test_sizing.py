@@ -89,6 +89,15 @@ def test_tuning_runs_fewer_cases_with_the_result_of_all(found: SizingResult, mon
     assert tune(strokes) == few
 
 
+def test_a_needle_is_tuned_to_its_largest_margin(found: SizingResult):
+    task = SizingTask(**TASK | {"time": "1 s", "end_speed": "0.3 m/s"})
+    slow, _ = nominal_strokes({**found.best.parts, "flow_control": "festo-gr-qs-8"}, task)
+    own = tune(slow).setting
+    near = [own._replace(needle_back=share * own.needle_back) for share in (0.85, 1.0, 1.16)]
+    less, best, more = (simulated(slow, one, points(DRAWS["draws"]), RTOL).drive.margin for one in near)
+    assert best > max(less, more)
+
+
 def test_a_task_made_from_a_known_drive_finds_it_or_a_cheaper_one(found: SizingResult):
     known = found.ranked[-1]
     limits = {"time": f"{1.01 * known.time_out} s", "return_time": f"{1.01 * known.time_back} s"}

@@ -187,6 +187,7 @@ def test_what_no_sheet_states_is_open_and_candidates_are_counted_once():
         task = SizingTask(**SLOPE | {"stroke": stroke, "exclude": []})
         (rod,) = (one for one in choices(task)["cylinder"] if one.name == "smc-cp96-32")
         buckling, length = checks.mechanical_checks(rod, task)
+        assert buckling.value == pytest.approx(6.5e5 * math.pi / 4.0 * 0.032**2)
         assert (buckling.is_kept, length.name, length.is_kept) == (is_kept, "stroke", task.stroke_m <= 0.4)
     short = size(TRANSFER | {"guide": "ball"}, **DRAWS, most=1)
     assert not any("`most`" in note for note in short.notes)

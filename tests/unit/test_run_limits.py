@@ -20,9 +20,7 @@ START = {"position": "50 mm", "pressure_a": "7 bar abs", "pressure_b": "7 bar ab
 
 def limits(described, command, duration, **more):
     found = pn.simulate(described, command, duration, **more).attrs["warnings"]
-    return [
-        line for line in found if "valid up to" in line or "from its law" in line or "leaves its stroke" in line
-    ]
+    return [line for line in found if "valid up to" in line or "from its law" in line or "leaves its stroke" in line]
 
 
 def test_a_slow_run_has_no_warning():

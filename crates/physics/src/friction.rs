@@ -1,4 +1,5 @@
-//! Friction laws. A law is one file and one line in `laws!` below.
+//! Friction laws. A law is one file and its entries below: `mod`, `pub use`, `laws!`, and `without_choices!` if it
+//! has no choices.
 
 mod arguments;
 mod armstrong;

@@ -199,4 +199,5 @@ def test_a_platform_that_loses_its_pose_is_a_failure(hexapod, tmp_path, capsys):
     (tmp_path / "path.toml").write_text('z = "sine 20 mm 0.5 Hz"')
     words = ["control", "run", str(tmp_path / "hexapod.toml"), "--reference", str(tmp_path / "path.toml")]
     assert command([*words, "--law", "nmpc", "--duration", "2 s"]) == 1
-    assert "Lost: " in capsys.readouterr().out
+    said = re.search(r"Lost: .* up to (.*) mm from", capsys.readouterr().out)
+    assert 20.0 < float(said[1]) < 1e3 * 0.2

@@ -135,7 +135,12 @@ MISTAKES = [
     ('pattern = "{seal}_{pressure}bar"', 'pattern = "{seal}_{seal}"', 19, "not a valid pattern"),
     ("[labels]", '[window]\nposition = "30 mm .. 5 mm"\n[labels]', 19, "empty"),
     ("[labels]", '[rig]\nambient_pressure = "1 bar gauge"\n[labels]', 19, "must be absolute"),
-    ("[labels]", '[rig]\nambient_pressure = "1 bar"\n[labels]', 19, '(?s)not state abs or gauge\\..*: Write "1 bar abs"\\.$'),
+    (
+        "[labels]",
+        '[rig]\nambient_pressure = "1 bar"\n[labels]',
+        19,
+        '(?s)not state abs or gauge\\..*: Write "1 bar abs"\\.$',
+    ),
     ("[labels]", '[[for]]\ngeometry.bore = "1 mm"\n[labels]', 18, "does not say which files"),
     ("[labels]", '[[for]]\nmatch = "a*"\n[[for]]\nmatch = "b*"\ngeometry.bore = "1"\n[labels]', 22, "no unit"),
     ("[columns]", "[columns", 5, "not TOML"),

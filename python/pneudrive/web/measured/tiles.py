@@ -137,7 +137,7 @@ class Pyramid:
         ----------
         span : (float, float)
             First and last time, in s.
-            pixels : int
+        pixels : int
         channels : sequence of str
             Some of `names`.
         samples : callable

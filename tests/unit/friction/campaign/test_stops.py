@@ -1,6 +1,7 @@
 """Stops: what was written into a campaign by hand (relaxation, breakaway, way back) comes out with its interval."""
 
 import json
+import tomllib
 from types import SimpleNamespace
 
 import numpy as np
@@ -12,7 +13,7 @@ from oracle.campaigns import rewrite
 from oracle.stop_campaigns import AMBIENT_PA, StopWorld, write_stops
 from pneudrive.campaign.cycle import Cycle
 from pneudrive.campaign.storage.folder import Campaign
-from pneudrive.characteristics import campaign_friction
+from pneudrive.characteristics import campaign_friction, write_characteristics
 from pneudrive.errors import CampaignError
 from pneudrive.estimate.estimates import one_thread
 from pneudrive.friction.campaign.stops.course import find_phases
@@ -214,6 +215,9 @@ def test_damaged_cycles_cost_only_themselves(tmp_path):
     assert len(result.stops) == 9
     assert len(result.skipped) == 3
     assert result.dwell[0].slope is not None
+    write_characteristics(result, tmp_path)
+    series = tomllib.loads((tmp_path / "effects.toml").read_text("utf-8"))["dwell"][0]
+    assert (series["shortest_s"], series["longest_s"]) == pytest.approx((1.0, 100.0), abs=0.01)
     assert result.synthetic
 
 
