@@ -301,7 +301,7 @@ def balance_lines(charged: Closure, vented: Closure) -> list[str]:
 
 
 def friction_lines(friction: list[Level]) -> list[str]:
-    """Return the friction of the levels in extension, beside an independent balance."""
+    """Return the friction of the levels in extension, next to an independent balance."""
     out = [one for one in friction if one.direction > 0]
     off = [abs(one.independent_n / one.friction_n - 1.0) for one in out]
     lines = [

@@ -220,12 +220,7 @@ def check_depth(value: object, where: str, kind: ErrorKind) -> None:
                 if type(number) is int and abs(number) > LARGEST_WHOLE:
                     name = key if isinstance(table, dict) else f"number {key} of a list"
                     digits = round(number.bit_length() * math.log10(2.0))
-                    raise kind(
-                        f"{name} is out of bounds: it is a whole number of {digits} digits",
-                        where=where,
-                        rule="whole numbers have up to 64 bits",
-                        remedy="Write a decimal point, or an exponent.",
-                    )
+                    raise kind.of("files.whole-number", where=where, name=name, digits=digits)
         level = [value for table in tables for value in (table.values() if isinstance(table, dict) else table)]
 
 

@@ -334,18 +334,9 @@ class _Reader:
                 self.stop()
                 name = FORMATS[request["form"]]
                 if status == ALARM:
-                    raise kind(
-                        f"the file was not read as {name} within {seconds} s",
-                        where=str(path),
-                        rule="reading an intact file takes less time (bound reader_seconds)",
-                        remedy=f'If the file is intact, allow more time: {VARIABLE}="reader_seconds=600".',
-                    ) from None
-                raise kind(
-                    f"the file is damaged: the library that reads {name} crashed on it",
-                    where=str(path),
-                    value=f"status {status}",
-                    remedy="Export the file again, or get another copy of it.",
-                ) from None
+                    about = {"name": name, "seconds": seconds, "variable": VARIABLE}
+                    raise kind.of("files.too-slow", where=str(path), **about) from None
+                raise kind.of("files.crashed", where=str(path), name=name, status=status) from None
             except BaseException:  # Ctrl-C too: a late answer would be taken for that of the next request
                 self.stop()
                 raise

@@ -89,20 +89,16 @@ def comparison_figure(every: Mapping[str, FittedData]) -> Figure:
     for name in list(every)[thin(every, MOST_ROWS)]:
         data, is_line = every[name], every[name].at.size > MANY
         part, x = thin(data.at), AXES.get(data.x, data.x)
-        (column, si_unit, _), rest = meaning(data.y), data.measured - data.model
+        column, si_unit, _ = meaning(data.y)
         unit = readable(si_unit)[1]
-        model = Look("orange", "-", "x")
-        marks: list[Mark] = [
-            Markers(data.at, data.measured, "measured", size=3.0),
-            Markers(data.at, data.model, "model", model),
-        ]
-        gap: Mark = Markers(data.at, rest, look=RESIDUAL, size=3.0)
+        at, measured, model = (values[part] if is_line else values for values in (data.at, data.measured, data.model))
         if is_line:
-            marks = [
-                Line(data.at[part], data.measured[part], "measured"),
-                Line(data.at[part], data.model[part], "model", MODEL),
-            ]
-            gap = Line(data.at[part], rest[part], look=RESIDUAL, width=0.6)
+            marks: list[Mark] = [Line(at, measured, "measured"), Line(at, model, "model", MODEL)]
+            gap: Mark = Line(at, measured - model, look=RESIDUAL, width=0.6)
+        else:
+            crosses = Markers(at, model, "model", Look("orange", "-", "x"))
+            marks = [Markers(at, measured, "measured", size=3.0), crosses]
+            gap = Markers(at, measured - model, look=RESIDUAL, size=3.0)
         panels.append(Panel(marks, name, x, figures.label_of(column.replace("_", " "), unit)))
         panels.append(Panel([gap, Rule(y=0.0)], "measured - model", x, figures.label_of("difference", unit)))
     return Figure(panels, columns=2, row_in=1.7, rest_in=0.5)

@@ -195,13 +195,8 @@ def find_strokes(name: str, time_s: Array, position_m: Array) -> list[Stroke]:
     low, high = quantiles(thinned(position_m), 0.001, 0.999)
     travel = high - low
     if travel <= NOISE_FACTOR * noise or travel <= 0 or time_s[-1] <= time_s[0]:
-        raise RecordingError.of(
-            "signals.no-motion",
-            where=name,
-            factor=NOISE_FACTOR,
-            travel_mm=1e3 * travel,
-            noise_mm=1e3 * noise,
-        )
+        numbers = {"factor": NOISE_FACTOR, "travel_mm": 1e3 * travel, "noise_mm": 1e3 * noise}
+        raise RecordingError.of("signals.no-motion", where=name, **numbers)
     points = turning_points(position_m, REVERSAL_SHARE * travel)
     departure = max(DEPARTURE_SHARE * travel, 4 * noise)
     strokes: list[Stroke] = []

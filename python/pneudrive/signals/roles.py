@@ -429,13 +429,13 @@ class RoleSearch:
                 self.questions.append(Question(role, why))
 
     def _settle(self, role: str, named: list[Candidate], note: str = "") -> None:
-        """Add the best candidate as the guess of a role, unless the user is asked."""
+        """Add the best candidate as the guess of a role, unless the user has to choose."""
         chosen = self._choose(role, named)
         if chosen is not None:
             self._accept(role, chosen._replace(rank=note + chosen.rank))
 
     def _choose(self, role: str, named: list[Candidate], why: str = SEVERAL) -> Candidate | None:
-        """Return the best candidate, if any. If others are similarly good and show other signals, the user is asked."""
+        """Return the best candidate, if any. If others are similarly good and show other signals, the user chooses."""
         if not named:
             return None
         best, *rest = sorted(named, key=lambda one: -one.score)
@@ -449,7 +449,7 @@ class RoleSearch:
         return best._replace(rank=rank)
 
     def _accept(self, role: str, one: Candidate) -> None:
-        """Add a guess with its unit. For an unknown unit, a count or volts, the user is asked."""
+        """Add a guess with its unit. For an unknown unit, a count or volts, the user has to state it."""
         column, guess = one.column, self._guess(role, one)
         same = {other.index for other in self._without_role() if same_signal(column.values, other.values)}
         self.taken |= same | {column.index}

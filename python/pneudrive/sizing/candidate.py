@@ -202,10 +202,7 @@ class SizingCandidate:
     @property
     def open_checks(self) -> int:
         """Number of open checks of this candidate; a lower bound until the spreads are simulated."""
-        if self.drive is not None:
-            return len(self.drive.open_names)
-        is_shut = self.settings is not None and self.settings.setting.is_shut(is_rough=not self.is_tuned)
-        return self.pair.open_checks + is_shut
+        return self.pair.open_checks if self.drive is None else self.drive.open_checks
 
     @property
     def draws(self) -> int:

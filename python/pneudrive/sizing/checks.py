@@ -19,7 +19,7 @@ from pneudrive.constants import ANR_LITRES_PER_KG, STANDARD_GRAVITY_M_S2, USUAL_
 from pneudrive.describe.components import USUAL, unusual_sizes
 from pneudrive.errors import OPEN_CHECK
 from pneudrive.numbers import plain as three
-from pneudrive.sizing.strokes import COARSE, DRAWN, LEAST_OPENING, RTOL, DriveStrokes, Setting, StrokeResults
+from pneudrive.sizing.strokes import COARSE, DRAWN, RTOL, DriveStrokes, Setting, StrokeResults
 from pneudrive.sizing.task import WITHOUT, DriveChoice, PartChoice, SizingTask, energy_limit, peak_limit
 from pneudrive.views import Finding
 
@@ -193,6 +193,10 @@ EFFECTIVE = {"none": 2.0, "ball": 0.7, "plain": 0.7}
 THINNER = 0.83
 #: Highest supply pressure of usual cylinders and valves, above ambient (assumed: 1.0 MPa in most catalogues).
 USUAL_SUPPLY_PA = 1e6
+#: Name of the check of flow controls. It does not count in the ranking: another flow control closes it.
+NEEDLE = "opening of a needle"
+#: Smallest opening at which the needle of a flow control can be set repeatably, as a fraction (assumed).
+LEAST_OPENING = 0.1
 #: Remedy for a value that no data sheet of the catalogue states.
 CATALOGUE = "of the maker's sheet in a catalogue of your own (--catalogue)"
 
@@ -337,10 +341,11 @@ def machine_checks(choice: DriveChoice, task: SizingTask, drive: SizedDrive | No
         rule = "B10 of cylinder and valve, ISO 19973"
         remedy = f"printed.b10_cycles of both {CATALOGUE}"
         found.append(_check("life", task.cycles, life, "cycles", rule, remedy))
-    if drive is not None and (setting := Setting(**drive.setting)).is_shut():
+    least = 1.0 if drive is None else min(drive.setting["needle_out"], drive.setting["needle_back"])
+    if least < LEAST_OPENING:
         rule = "assumed: below this limit, a needle cannot be set repeatably"
         remedy = f"a smaller flow control than {choice.flow_control.name}: exclude it, or add one (--catalogue)"
-        found.append(_check("opening of a needle", 1e2 * setting.least_opening, 1e2 * LEAST_OPENING, "%", rule, remedy))
+        found.append(_check(NEEDLE, 1e2 * least, 1e2 * LEAST_OPENING, "%", rule, remedy))
     if math.sin(task.incline_rad) or task.external_force_n:  # also if they balance: the mass has a spread
         found.append(_hanging_load(choice, task))
     for key, size, end, rule in unusual_sizes(task, USUAL | {"mass": USUAL["moving_mass"]}):
@@ -455,6 +460,11 @@ class SizedDrive:
     open_names: tuple[str, ...] = ()
 
     @property
+    def open_checks(self) -> int:
+        """Number of open checks that count in the ranking."""
+        return len({*self.open_names} - {NEEDLE})
+
+    @property
     def load_ratio(self) -> float | None:
         """Ratio of load to supply force that 1 % of the samples exceed, for the worse of both strokes."""
         ends = [self.intervals[name][1] for name in ("load_ratio_out", "load_ratio_back") if name in self.intervals]
@@ -514,7 +524,7 @@ class SizedDrive:
     @property
     def rank(self) -> tuple[Any, ...]:
         """Key of the ranking: open checks, air in steps of 2 %, then margin in steps of 1 %, then sizes."""
-        return rank_of(len(self.open_names), self.air, self.margin, self.sizes, self.name)
+        return rank_of(self.open_checks, self.air, self.margin, self.sizes, self.name)
 
 
 @dataclass(frozen=True)

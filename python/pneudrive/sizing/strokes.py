@@ -59,8 +59,6 @@ STATED = ("held_by", "clamp_force", "impact_energy")
 LONGEST, LONGER_S = 1.4, 0.1
 #: Exponent of the conductance of a tube over its bore, accurate enough for its spread.
 BORE_POWER = 2.3
-#: Smallest opening at which the needle of a flow control can be set repeatably, as a fraction (assumed).
-LEAST_OPENING = 0.1
 #: Exponent that converts the factor of heat transfer in chambers to that in tubes: 2 becomes 1.4.
 TUBE_HEAT_POWER = 0.485
 
@@ -80,16 +78,6 @@ class Setting(NamedTuple):
     cushion_out: float = 1.0
     needle_back: float = 1.0
     cushion_back: float = 1.0
-
-    @property
-    def least_opening(self) -> float:
-        """Smaller opening of both flow controls."""
-        return min(self.needle_out, self.needle_back)
-
-    def is_shut(self, *, is_rough: bool = False) -> bool:
-        """Return whether a flow control opens too little to be set; if `is_rough`, even after the tuning."""
-        wider = max(FINER[1][0]) ** ROUNDS if is_rough else 1.0
-        return wider * self.least_opening < LEAST_OPENING
 
 
 #: All needles fully open.

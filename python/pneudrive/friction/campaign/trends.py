@@ -277,8 +277,8 @@ def _length(position: Array) -> float:
 def _waves(position: Array, mean: Array, stderr: Array) -> list[float]:
     """Find the order of each wave: the number of periods in the range, rarely a whole number.
 
-    Waves are added one by one, the strongest first, as long as they are significant. With each new wave, all orders are
-    adjusted.
+    Waves are added one by one, the strongest first, while each new wave is significant. With each new wave, all orders
+    are adjusted.
     """
     weight = 1.0 / np.maximum(stderr, 1e-3 * np.median(stderr) + 1e-12)
 

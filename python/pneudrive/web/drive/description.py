@@ -248,7 +248,7 @@ def edited(text: str, key: str, value: str | float) -> str:
 
 
 def _written_as(document: tomlkit.TOMLDocument, key: str) -> list[str]:
-    """Return the parts of a key as they are written in a text: in a table of copies, or in a table of a drive."""
+    """Return the parts of a key in the form of a text: in a table of copies, or in a table of a drive."""
     names = key.split(".")
     if names[0] != "components" or len(names) < 3:
         return names

@@ -200,18 +200,11 @@ def test_the_largest_of_several_differences_needs_more_than_the_u_of_one(off, is
     """Two recordings of one truth, at four speeds in both directions: one of the differences exceeds its own U."""
 
     def recorded(name, *friction):
-        same = {
-            "recording": name,
-            "gauge_pa": {"a": 0.0, "b": 0.0},
-            "seal": "NBR",
-            "sides": {1: 0, -1: 0},
-            "budget": (),
-        }
-        levels = [
-            SimpleNamespace(**same, friction_n=one, stderr_n=0.0255, speed_m_s=0.02 * (k + 1))
-            for k, one in enumerate(friction)
-        ]
-        return SimpleNamespace(levels=tuple(levels))
+        same = {"recording": name, "gauge_pa": {"a": 0.0, "b": 0.0}, "seal": "", "sides": (1, -1), "budget": ()}
+        pairs = enumerate(friction, 1)
+        return SimpleNamespace(
+            levels=[SimpleNamespace(**same, friction_n=one, stderr_n=0.0255, speed_m_s=0.02 * k) for k, one in pairs]
+        )
 
     notes = _differences((recorded("first", 32.6, 28.4, 28.05, 31.0), recorded("again", 32.6, 28.4, 28.05 - off, 31.0)))
     assert bool(notes) == is_said
