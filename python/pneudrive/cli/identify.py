@@ -199,7 +199,13 @@ def _each_fit(
             yield group, part, result
 
 
-def _fit_laws(curves: xr.Dataset, names: list[str], pressure: str, hold_out: str, left_out: Sequence[str]) -> LawFit:
+def _fit_laws(
+    curves: xr.Dataset,
+    names: list[str],
+    pressure: str,
+    hold_out: str,
+    left_out: Sequence[str],
+) -> LawFit:
     """Compare several laws and fit the recommended one; fit a single law directly."""
     forms = None if not pressure else () if pressure == "none" else (pressure,)
     form = pressure or "linear"

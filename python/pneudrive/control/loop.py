@@ -617,7 +617,13 @@ def _missed(along: Reference, setup: Setup) -> Iterator[str]:
         yield f"{along.text}: {missed}; errors refer to the curve"
 
 
-def provenance_of(circuit: Circuit, tuning: Tuning, setup: tuple[Setup, str], reference: str, seed: int) -> Plain:
+def provenance_of(
+    circuit: Circuit,
+    tuning: Tuning,
+    setup: tuple[Setup, str],
+    reference: str,
+    seed: int,
+) -> Plain:
     """Return the provenance that runs of an axis and of a platform have in common."""
     read, name = setup
     assumed = [f"setup {name}: {read.about}"] if name in ready_setups() else []

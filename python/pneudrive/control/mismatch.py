@@ -205,7 +205,13 @@ class Truth(NamedTuple):
     values: NamedNumbers
 
 
-def mismatched(core_json: str, plant: Plant, setup: Setup, mismatch: Mismatch, drawn: NamedNumbers) -> Truth:
+def mismatched(
+    core_json: str,
+    plant: Plant,
+    setup: Setup,
+    mismatch: Mismatch,
+    drawn: NamedNumbers,
+) -> Truth:
     """Apply the sampled values of a mismatch to a drive in the core's form.
 
     Raises

@@ -400,7 +400,13 @@ def _pressure(given: str | float, plant: HeldDrive) -> float:
     return value
 
 
-def linear_model(plant: HeldDrive, command: float, position: float, gas: Array, friction: str = "none") -> Linear:
+def linear_model(
+    plant: HeldDrive,
+    command: float,
+    position: float,
+    gas: Array,
+    friction: str = "none",
+) -> Linear:
     """Return the linear model about a state, with the requested friction. See `linearise`."""
     if friction not in FRICTIONS:
         raise CommandError(f'friction = "{friction}" is not known', remedy=" or ".join(f'"{one}"' for one in FRICTIONS))

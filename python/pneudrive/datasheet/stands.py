@@ -29,7 +29,14 @@ RATIOS = (1e-4, 0.05, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95)  # of t
 ISOTHERMAL_S = 60.0
 
 
-def flow_through(plant: HeldDrive, side: str, *, inward: bool, upstream: float, ratios: Iterable[float]) -> Array:
+def flow_through(
+    plant: HeldDrive,
+    side: str,
+    *,
+    inward: bool,
+    upstream: float,
+    ratios: Iterable[float],
+) -> Array:
     """Return the steady mass flow (kg/s) of a path between supply or exhaust and a chamber, for each pressure ratio.
 
     The valve is fully open; gas enters at the reference temperature.

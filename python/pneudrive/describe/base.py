@@ -204,8 +204,7 @@ class Described(Shown, BaseModel):
                         return f"Add {alias} = ...: {units.needed(mark.si_unit) if mark.si_unit else 'a number'}."
                     if isinstance(mark, StatedPressure):
                         return f"Add {alias} = ...: {units.PRESSURE_NEEDED}."
-                if field.annotation is not None and hasattr(field.annotation, "model_fields"):
-                    own = field.annotation.model_fields.values()
+                if own := getattr(field.annotation, "model_fields", {}).values():
                     keys = [f'{one.alias} = "{one.examples[0]}"' for one in own if one.is_required() and one.examples]
                     return f"Add a table [{alias}]{' with ' * bool(keys)}{', '.join(keys)}."
         return f"Add {alias} = ..."

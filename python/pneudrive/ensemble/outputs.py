@@ -353,7 +353,12 @@ class SignalNames:
         Signals that are kept by default.
     """
 
-    def __init__(self, columns: Sequence[str], towards_b: bool | None = None, states: Sequence[str] = STATE) -> None:
+    def __init__(
+        self,
+        columns: Sequence[str],
+        towards_b: bool | None = None,
+        states: Sequence[str] = STATE,
+    ) -> None:
         self.columns = {key: column for column in columns for key in (column, meaning(column)[0])}
         self.towards_b = towards_b
         self.states = [signal for signal in states if signal in self.columns]

@@ -371,7 +371,13 @@ class FmuFile(Shown):
     notes: tuple[str, ...]
 
 
-def complete_plan(drive: DriveOrCircuit, initial: StartState, rtol: float, *, actuator: bool = False) -> FmuPlan:
+def complete_plan(
+    drive: DriveOrCircuit,
+    initial: StartState,
+    rtol: float,
+    *,
+    actuator: bool = False,
+) -> FmuPlan:
     """Return the plan of a drive with its event indicators, checked by the library."""
     require(drive, "core_json", "drive", 'pn.Drive.load("drive.toml")')
     check_tolerance(rtol)

@@ -273,7 +273,12 @@ def combined(entries: Sequence[BudgetEntry]) -> tuple[float, float]:
     return _root(e.friction_n for e in entries), _root(e.offset_n for e in entries)
 
 
-def stated_shares(recording: Recording, up: Side, down: Side, late_s: float = 0.0) -> dict[str, float | bool]:
+def stated_shares(
+    recording: Recording,
+    up: Side,
+    down: Side,
+    late_s: float = 0.0,
+) -> dict[str, float | bool]:
     """Divide the budget of a cycle into the parts that campaigns treat separately. Return column of a cycle -> part.
 
     Cycles share their sensors. The parts are proportional to friction, constant, or removed by zero runs.

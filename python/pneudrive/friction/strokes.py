@@ -241,7 +241,12 @@ def _usual_range(values: Array) -> float:
     return float(some[some.size - 1 - margin] - some[margin])
 
 
-def stroke_grid(position_m: Array, strokes: Sequence[Stroke], window: Interval, bins: int | None = None) -> Grid:
+def stroke_grid(
+    position_m: Array,
+    strokes: Sequence[Stroke],
+    window: Interval,
+    bins: int | None = None,
+) -> Grid:
     """Divide the travel of strokes into bins: `bins` in the window, or about four samples per bin."""
     low, high = window
     inside = [int(((x >= low) & (x <= high)).sum()) for x in (position_m[s.samples] for s in strokes)]

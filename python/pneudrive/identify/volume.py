@@ -420,7 +420,13 @@ def _lost(
     return Undetermined(name, reason, sentences("tank")[name])
 
 
-def _notes(tank: Tank, solved: Solved, others: list[Solved], tau: float, interrupted: list[str]) -> list[str]:
+def _notes(
+    tank: Tank,
+    solved: Solved,
+    others: list[Solved],
+    tau: float,
+    interrupted: list[str],
+) -> list[str]:
     notes = []
     if tank.line is not None and tank.line.linear_above == SHORT_REGION:
         notes.append(f"line.linear_above = {SHORT_REGION:g} fits the end of the recordings better than the default")

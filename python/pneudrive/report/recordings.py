@@ -549,7 +549,12 @@ def over_pressure(found: Characterisation) -> Figure:
     return figure_of("pressure", drawn, y=y, width_in=7.1 if len(shown) > 1 else 4.5)
 
 
-def pressure_panel(points: pl.DataFrame, line: PressureLine | None, runs: Sequence[str], title: str = "") -> Panel:
+def pressure_panel(
+    points: pl.DataFrame,
+    line: PressureLine | None,
+    runs: Sequence[str],
+    title: str = "",
+) -> Panel:
     """Draw the points of each run, and the line with its band."""
     marks: list[Band | Line | Markers] = []
     if line is not None:
@@ -608,7 +613,13 @@ def _motion_of_stroke(result: RecordingResult, level: Level, s: StickSlip) -> Mo
 MotionPanels: TypeAlias = tuple[Panel, Panel, Panel]
 
 
-def motion_panels(title: str, time_s: Array, position_m: Array, velocity_m_s: Array, mean_m_s: float) -> MotionPanels:
+def motion_panels(
+    title: str,
+    time_s: Array,
+    position_m: Array,
+    velocity_m_s: Array,
+    mean_m_s: float,
+) -> MotionPanels:
     """Draw one motion; its time starts at zero."""
     part, trend = time_s <= SHOWN_S, np.polynomial.Polynomial.fit(time_s, position_m, 1)(time_s)
     mean = Rule(y=mean_m_s, label=f"mean {1e3 * mean_m_s:.2f} mm/s", look=figures.MODEL, width=1.0)

@@ -294,7 +294,13 @@ class Instruments:
         shift = sensor.zero + accuracy * zero - relative * ambient
         return replace(sensor, gain_error=relative, zero=shift)
 
-    def read(self, true: Columns, past: Past, rng: np.random.Generator | None, weight_n: float = 0.0) -> Columns:
+    def read(
+        self,
+        true: Columns,
+        past: Past,
+        rng: np.random.Generator | None,
+        weight_n: float = 0.0,
+    ) -> Columns:
         """Return the readings for true signals.
 
         Parameters

@@ -368,7 +368,14 @@ class Session:
         except (TypeError, ValueError, RuntimeError) as error:
             self._refuse(error, names, value, readable=readable)
 
-    def _refuse(self, error: Exception, names: Sequence[object], value: object, *, readable: bool = False) -> NoReturn:
+    def _refuse(
+        self,
+        error: Exception,
+        names: Sequence[object],
+        value: object,
+        *,
+        readable: bool = False,
+    ) -> NoReturn:
         """Raise an error of the core, with the names that users know.
 
         `readable` states whether names of outputs are also valid.

@@ -246,7 +246,12 @@ def _load_describing(
     return _over_grid(amplitudes, frequencies, lambda a, f: _load_harmonics(plant, a, f, gas))
 
 
-def _load_harmonics(plant: HeldDrive, amplitude: float, frequency: float, gas: Array) -> tuple[float, float, float]:
+def _load_harmonics(
+    plant: HeldDrive,
+    amplitude: float,
+    frequency: float,
+    gas: Array,
+) -> tuple[float, float, float]:
     """Return gain, phase and distortion of the position under a load, with the valve at command 0.
 
     NaN if the piston reaches an end.

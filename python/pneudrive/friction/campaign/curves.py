@@ -295,7 +295,12 @@ def cycle_terms(points: CurvePoints, fits: Fits | None) -> tuple[Array, Array, A
     return np.hypot(noise, cycle), systematic_n, one_sided
 
 
-def friction_map(reading: CampaignData, points: CurvePoints | None, fits: Fits | None, protocol: str) -> xr.Dataset:
+def friction_map(
+    reading: CampaignData,
+    points: CurvePoints | None,
+    fits: Fits | None,
+    protocol: str,
+) -> xr.Dataset:
     """Return the map, one row per cycle and direction, in the order of the campaign."""
     cycles, edges, ambient_pa = reading.sliding, reading.edges_m, reading.identity.ambient_pressure_pa
     count, moves, known = len(cycles), cycles.moves, np.isfinite(cycles["balance_n"])

@@ -119,7 +119,12 @@ def reduce_cycle(motion: RecordedMotion, edges_m: Array) -> Row:
     return cycle_row(motion, grid, sides, {way: table.balance_n[rows] for way, rows in table.directions.items()})
 
 
-def cycle_row(motion: RecordedMotion, grid: Grid, sides: Mapping[int, Side], rows: Mapping[int, Array]) -> Row:
+def cycle_row(
+    motion: RecordedMotion,
+    grid: Grid,
+    sides: Mapping[int, Side],
+    rows: Mapping[int, Array],
+) -> Row:
     """Return the row of a cycle, or of a speed level, from its reduced strokes.
 
     Parameters

@@ -270,7 +270,12 @@ def _plans(files: Sequence[CycleFile], found: dict[str, Read]) -> dict[str, Row]
 
 
 @many_objects()
-def read_part(files: Sequence[CycleFile], identity: Identity, choice: SampleChoice, edges_m: Array) -> list[Read]:
+def read_part(
+    files: Sequence[CycleFile],
+    identity: Identity,
+    choice: SampleChoice,
+    edges_m: Array,
+) -> list[Read]:
     """Read cycles one after the other. For an unusable cycle, return the reason.
 
     The path length is zero if the samples cannot be read. Cycles that only prepare have no row.

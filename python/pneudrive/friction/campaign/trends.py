@@ -198,7 +198,12 @@ def position_dependence(points: CurvePoints) -> tuple[PositionPattern, ...]:
     return tuple(pattern for pattern in found if pattern is not None)
 
 
-def _describe(points: CurvePoints, title: str, condition: Condition | None, members: Bools) -> PositionPattern | None:
+def _describe(
+    points: CurvePoints,
+    title: str,
+    condition: Condition | None,
+    members: Bools,
+) -> PositionPattern | None:
     common, here = points.pattern.common, points.at(members)
     rows = here["relative_n"][:, common]
     position = points.pattern.position_m[common]
@@ -508,7 +513,12 @@ def _widened(design: _Design, x: Array, columns: list[Array]) -> Array:
     return wide[:, kept] if np.isin(x.shape[1] + np.arange(len(columns)), kept).all() else x
 
 
-def _sentences(design: _Design, found: PressureEffects, with_time: list[str], u: float) -> Iterator[Statement]:
+def _sentences(
+    design: _Design,
+    found: PressureEffects,
+    with_time: list[str],
+    u: float,
+) -> Iterator[Statement]:
     """Yield statements on the determined slopes, the test whether they add, and undetermined values.
 
     An interaction within the accuracy of the sensors is ignored.

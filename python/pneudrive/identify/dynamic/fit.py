@@ -304,7 +304,12 @@ def noise_of(channel: sensing.Channel, record: DriveRecording | VolumeRecording,
     return float(np.hypot(white, _least_noise(channel, rtol)))
 
 
-def solve(problem: FitProblem, point: Iterate, options: search.SearchOptions, watcher: search.Watcher) -> search.Solved:
+def solve(
+    problem: FitProblem,
+    point: Iterate,
+    options: search.SearchOptions,
+    watcher: search.Watcher,
+) -> search.Solved:
     """Search, and estimate the noise of the sensors from the residuals, until the noise converges.
 
     The residuals of a search that stops early are used as noise only in the last attempt.
@@ -570,7 +575,12 @@ def _factor(drive: Drive, slope: float, level: float, speed: float) -> float:
     return factor
 
 
-def _simulated_loop(drive: Drive, stiffness: float, level: float, speed: float) -> tuple[Array, Array, Array]:
+def _simulated_loop(
+    drive: Drive,
+    stiffness: float,
+    level: float,
+    speed: float,
+) -> tuple[Array, Array, Array]:
     """Simulate the law in a reversing motion over many bristle deflections, on a stiff rig without air."""
     law = drive.friction.core()
     parameters = dict(law["parameters"])

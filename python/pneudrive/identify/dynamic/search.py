@@ -276,7 +276,12 @@ def predict_segments(problem: FitProblem, point: Iterate, watcher: Watcher) -> I
     return point
 
 
-def _shortened(problem: FitProblem, at: Joined, longest: float, share: float = 1.0) -> tuple[Misfit, float] | None:
+def _shortened(
+    problem: FitProblem,
+    at: Joined,
+    longest: float,
+    share: float = 1.0,
+) -> tuple[Misfit, float] | None:
     """Shorten the step until it lowers the merit function; the runs have no derivatives.
 
     Only the bound on the step of the coordinates is lowered, and the starts follow. `share` scales both steps. Return

@@ -286,7 +286,13 @@ def _places(shared: int, at: int) -> NDArray[np.intp]:
     return np.r_[np.arange(shared), np.arange(own, own + LOCAL)].astype(np.intp)
 
 
-def _search(problem: FollowProblem, point: FollowPoint, pool: ThreadPoolExecutor, *, is_first: bool) -> FollowSolution:
+def _search(
+    problem: FollowProblem,
+    point: FollowPoint,
+    pool: ThreadPoolExecutor,
+    *,
+    is_first: bool,
+) -> FollowSolution:
     """Return the minimum by damped Gauss-Newton steps."""
     try:
         found = simulated(problem, point)

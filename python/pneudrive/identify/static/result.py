@@ -462,7 +462,12 @@ class LawFit(SlidingFit, kind="law"):
         fitted = {name: marks[name].show(self.values[name]) for name in self.determined}
         return Friction.model_validate(self.model.friction.to_dict() | fitted)
 
-    def predict(self, speed_m_s: ArrayLike, gauge_a_pa: ArrayLike = 0.0, gauge_b_pa: ArrayLike = 0.0) -> Array:
+    def predict(
+        self,
+        speed_m_s: ArrayLike,
+        gauge_a_pa: ArrayLike = 0.0,
+        gauge_b_pa: ArrayLike = 0.0,
+    ) -> Array:
         """Return the friction in N at speeds and gauge pressures, as `FrictionFit.predict` takes them."""
         conditions = speed_m_s, gauge_a_pa, gauge_b_pa
         force, _ = self.model.force_and_slopes(self.estimates, self._at(*conditions))

@@ -396,7 +396,13 @@ def _interval(name: str, value: float, low: float, high: float) -> Row:
     return {name: value, f"{name}_low": low, f"{name}_high": high}
 
 
-def bin_excess(travel_m: Array, time_s: Array, excess_n: Array, noise_n: float, texture_n: float) -> Array | None:
+def bin_excess(
+    travel_m: Array,
+    time_s: Array,
+    excess_n: Array,
+    noise_n: float,
+    texture_n: float,
+) -> Array | None:
     """Average the excess over bins whose width grows with travel. Return None if there are too few samples.
 
     Parameters

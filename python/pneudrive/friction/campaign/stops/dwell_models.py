@@ -461,7 +461,13 @@ class StopDesign(Shown):
         return toml.write({**head, "repeats": max(self.repeats), "stop": stops, "order": {"kind": "randomised"}})
 
 
-def design_stops(form: str, scale_s: float, stops: int = 12, factor: float = 3.0, noise_n: float = 0.3) -> StopDesign:
+def design_stops(
+    form: str,
+    scale_s: float,
+    stops: int = 12,
+    factor: float = 3.0,
+    noise_n: float = 0.3,
+) -> StopDesign:
     """Choose durations of stops that determine level, increment and time constant of a dwell law.
 
     The design is D-optimal by exchange, averaged over a log-normal prior of the time constant. The expected intervals

@@ -70,7 +70,12 @@ SPOILING = frozenset(
 TRACE = ("trace_time_s", "trace_position_m", "trace_friction_n")
 
 
-def _read(file: CycleFile, samples: Samples, identity: Identity, others: Sequence[course.UninterruptedStroke]) -> Row:
+def _read(
+    file: CycleFile,
+    samples: Samples,
+    identity: Identity,
+    others: Sequence[course.UninterruptedStroke],
+) -> Row:
     """Return the columns of a stop.
 
     `others` are uninterrupted strokes of other cycles, for cycles without such strokes.
@@ -130,7 +135,13 @@ def _read(file: CycleFile, samples: Samples, identity: Identity, others: Sequenc
     }
 
 
-def _recovery(recording: Recording, friction: Array, part: slice, direction: int, running: course.Running) -> Row:
+def _recovery(
+    recording: Recording,
+    friction: Array,
+    part: slice,
+    direction: int,
+    running: course.Running,
+) -> Row:
     """Fit the return to sliding after the peak, over the part at constant speed."""
     if not np.isfinite(running.level_n) or part.stop - part.start < 2:
         return {}
