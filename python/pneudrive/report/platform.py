@@ -213,8 +213,8 @@ def animate_platform(
         Increasing times of the poses, in s.
     poses : array, shape (m, n)
         Poses, in m and rad.
-        path : path-like
-            .mp4, which needs the program ffmpeg, or .gif.
+    path : path-like
+        .mp4, which needs the program ffmpeg, or .gif.
     dark : bool
         Draw on dark paper.
 
