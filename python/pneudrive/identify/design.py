@@ -570,9 +570,7 @@ def _noise(source: FrictionFit | Prior) -> float:
     """Return the standard deviation of a further measured value in N, from the fit."""
     if isinstance(source, Prior):
         return np.nan
-    if source.observations is None:
-        return source.statistics["rms_n"]
-    return float(np.sqrt(source.statistics["variance"]) * np.median(source.observations.stderr_n))
+    return source.statistics.get("noise_n", source.statistics["rms_n"])  # older files lack the noise
 
 
 def _grid(limits: Limits, count: int = SPEEDS) -> sliding.Observations:

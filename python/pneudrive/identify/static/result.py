@@ -156,7 +156,7 @@ class FrictionFit(SlidingFit, kind="friction map"):
         Notes on omissions and assumptions.
     statistics : dict
         values, degrees_of_freedom, scale (1: the standard errors are right), variance, scatter_n
-        (between levels, beyond their standard errors), mean_n, rms_n, outlying,
+        (between levels, beyond their standard errors), mean_n, noise_n, rms_n, outlying,
         fit_percent (NaN without degrees of freedom), aicc, bic.
     provenance : dict
         Version, hash of the values, options.

@@ -146,6 +146,7 @@ class RobustEstimate:
             "variance": self.variance,
             "scatter_n": self.scatter_n,
             "mean_n": weighted_mean,
+            "noise_n": float(np.sqrt(self.variance) * np.median(stderr)),
             "rms_n": rms_n if rms_n > rounding_n else 0.0,
             "outlying": float(np.sum(self.weight < 0.5)),
             "fit_percent": 100.0 * explained,
