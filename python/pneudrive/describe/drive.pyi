@@ -15,6 +15,7 @@ from pathlib import Path
 from pneudrive.arrays import Keyed as Keyed, NamedNumbers as NamedNumbers, Plain as Plain
 from pneudrive.describe.base import as_tables as as_tables, escaped as escaped, inline as inline
 from pneudrive.describe.circuit import Circuit as Circuit
+from pneudrive.describe.components import USUAL as USUAL, unusual_sizes as unusual_sizes
 from pneudrive.describe.files import catalogue as catalogue, provenance as provenance, sourced as sourced, toml as toml
 from pneudrive.describe.files.provenance import Origin as Origin
 from pneudrive.describe.formulas import written as written
@@ -30,6 +31,7 @@ from pneudrive.describe.system import (
     PISTON as PISTON,
     System as System,
     drive_names as drive_names,
+    expanded_drive as expanded_drive,
     short_name as short_name,
 )
 from pneudrive.describe.tables.dependences import DEPENDENCES as DEPENDENCES
