@@ -18,7 +18,7 @@ from pneudrive.describe.formulas import written
 from pneudrive.describe.formulas.law import law_of
 from pneudrive.describe.marks import Positions, Signal, absolute_above_vacuum
 from pneudrive.describe.short import TABLES, Short, without_other_sizes
-from pneudrive.describe.system import PISTON, DescribedSystem, System, drive_names, expanded_drive, short_name
+from pneudrive.describe.system import PISTON, DescribedSystem, System, drive_names, short_name
 from pneudrive.describe.tables.dependences import DEPENDENCES
 from pneudrive.describe.tables.friction import Friction, friction_laws
 from pneudrive.describe.tables.parts import Cylinder, EndStop, Initial, Load, Supply, Valve, assumed_stops
@@ -213,8 +213,7 @@ class Drive(DescribedSystem):
     def system(self) -> System:
         """Circuit of the drive in the core's form, and the names of the drive file."""
         if self.is_plain:
-            form = json.dumps(expanded_drive(self.short_form()), sort_keys=True)
-            return System(form, drive_names(only=True))
+            return System.of_drive(self.short_form())
         return System(self.circuit.core_json(), drive_names(only=False))
 
     @property

@@ -47,6 +47,11 @@ class System(NamedTuple):
     json: str
     names: ShortNames | None = None
 
+    @classmethod
+    def of_drive(cls, form: Plain) -> System:
+        """Return the system of a drive without lines, from its tables in SI (`Drive.short_form`)."""
+        return cls(json.dumps(expanded_drive(form), sort_keys=True), drive_names(only=True))
+
     def compiled(self) -> _core.Circuit:
         """Return the core's circuit; each system is compiled once.
 
