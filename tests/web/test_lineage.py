@@ -258,7 +258,7 @@ def test_any_two_results_of_one_kind_are_compared(chain: Served) -> None:
     for pair in ((RUN, "heavy.parquet"), (CHECK, CHECK), (MAP, MAP), (LAWS, LAWS), ("axis.toml", "heavy.toml")):
         found = post(chain, "/api/compare", dict(zip(("before", "after"), pair, strict=True)))
         assert bool(found["values"]) == (pair[0] != pair[1]), pair
-    assert "of the same kind" in post(chain, "/api/compare", {"before": RUN, "after": CHECK}, 400)["problems"][0]["what"]
+    assert "the same kind" in post(chain, "/api/compare", {"before": RUN, "after": CHECK}, 400)["problems"][0]["what"]
 
 
 # --- A campaign on the simulated rig, begun by the page, killed, resumed: the bits of one that nobody disturbed.
