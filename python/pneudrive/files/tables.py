@@ -96,12 +96,7 @@ class Table:
         with clear_errors(self.path, self.kind):
             return int(self._scan.select(pl.len()).collect().item())
 
-    def get(
-        self,
-        wanted: Iterable[str],
-        rows: Rows | None = None,
-        dates: frozenset[str] = frozenset(),
-    ) -> Columns:
+    def get(self, wanted: Iterable[str], rows: Rows | None = None, dates: frozenset[str] = frozenset()) -> Columns:
         """Read columns.
 
         Parameters
@@ -146,12 +141,7 @@ class LibraryTable(Table):
         self.path, self.kind, self.is_sealed, self._form = path, kind, False, form
         self.names, self.metadata = _reader.ask(path, kind, {"form": form, "wanted": None})
 
-    def get(
-        self,
-        wanted: Iterable[str],
-        rows: Rows | None = None,
-        dates: frozenset[str] = frozenset(),
-    ) -> Columns:
+    def get(self, wanted: Iterable[str], rows: Rows | None = None, dates: frozenset[str] = frozenset()) -> Columns:
         """Read whole columns, see `Table.get`."""
         assert rows is None, "only Parquet is read in parts"
         wanted = list(dict.fromkeys(wanted))

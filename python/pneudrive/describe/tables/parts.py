@@ -310,13 +310,13 @@ _TIMES, _SHARES = ("time_on", "time_off"), ("overlap", "leakage", "command")
 class Valve(_DrivePart):
     """5/3 valve, proportional or switching.
 
-    A command u > 0 opens supply -> a and b -> exhaust with the fraction u of the conductance. u < 0 opens supply -> b
-    and a -> exhaust. A valve of kind "switching-5/3" has the commands -1, 0 and 1 only. `time_on` and `time_off` are
-    its times from the command to the middle of the travel. `command` is the range of the electrical input, for commands
-    in V or mA; its ends are u = -1 and 1. `overlap` is the fraction of the command up to which an edge stays closed,
-    negative for an edge that is open in the centre. `leakage` is the fraction of the conductance that leaks past each
-    edge in the centre. The size is given in exactly one way: conductance C (ISO 6358), nominal_flow (6 to 5 bar gauge),
-    kv or cv.
+    A command u > 0 connects the supply to a and b to the exhaust, with the fraction u of the conductance. A command u <
+    0 connects the supply to b and a to the exhaust. A valve of kind "switching-5/3" has the commands -1, 0 and 1 only.
+    `time_on` and `time_off` are its times from the command to the middle of the travel. `command` is the range of the
+    electrical input, for commands in V or mA; its ends are u = -1 and 1. `overlap` is the fraction of the command up to
+    which an edge stays closed, negative for an edge that is open in the centre. `leakage` is the fraction of the
+    conductance that leaks past each edge in the centre. The size is given in exactly one way: conductance C (ISO 6358),
+    nominal_flow (6 to 5 bar gauge), kv or cv.
     `pneudrive.describe.tables.valve_flow` states the assumptions of each conversion.
     """
 
