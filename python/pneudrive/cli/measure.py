@@ -240,7 +240,9 @@ def _compare_results(first: str, second: str, out: Path | None, plot: Path | Non
     is_fit = compared.kind == fit_results.FrictionFit.TITLE
     show_lines(compared.sentence)
     if compared.values:
-        show_table(("value", f"<{first}", "<95 %", f"<{second}", "<95 %", "change %"), compared.rows())
+        names = [Path(path).name for path in (first, second)]  # a long path would be cut in the head of a column
+        before, after = names if len({*names}) > 1 else (first, second)
+        show_table(("value", f"<{before}", "<95 %", f"<{after}", "<95 %", "change %"), compared.rows())
     if rows := compared.curve_rows()[: terminal.MOST_ROWS]:
         show_table(("curve", "at", "B minus A", "95 %, statistical" if is_fit else "95 %"), rows)
     elif not compared.curves and is_fit:
