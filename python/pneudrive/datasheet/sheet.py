@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from pneudrive import units
 from pneudrive.constants import IMPACT_ENERGY_J_M2, USUAL_PEAK_PA
 from pneudrive.datasheet.characteristics.air import NO_STROKES
 from pneudrive.datasheet.measured import MeasuredBeside, beside
@@ -22,6 +21,7 @@ from pneudrive.describe.files import sourced, toml
 from pneudrive.errors import HAZARD, Cancelled, CommandError, PneudriveError, package_table
 from pneudrive.lazy_names import upper
 from pneudrive.numbers import plain
+from pneudrive.simulation.simulate import number_of
 from pneudrive.views import Finding, View, Viewed
 
 if TYPE_CHECKING:
@@ -226,7 +226,7 @@ def _hazards(plant: HeldDrive, results: dict[str, xr.Dataset]) -> Iterator[Findi
     """Yield the findings on the load at loss of pressure, on impacts and on pressure peaks."""
     ambient = plant.ambient[0]
     labels, locks = plant.described.labels, plant.sum_of(LOCK, "holding_force")
-    locks += units.parse(labels.get("clamp_force", "0 N"), "N")
+    locks += number_of(labels.get("clamp_force", "0 N"), "N", "labels.clamp_force")
     holds = locks + abs(plant.sliding(LEAST_VELOCITY, (ambient, ambient), plant.middle_m))
     if plant.hanging_n > locks and labels.get("held_by") != "machine":
         text = f"{HAZARD}without pressure, weight and load pull the piston with {plain(plant.hanging_n)} N, but"
@@ -262,7 +262,9 @@ def _hazards(plant: HeldDrive, results: dict[str, xr.Dataset]) -> Iterator[Findi
 def energy_limit_j(plant: HeldDrive) -> float:
     """Return the largest admissible energy (J) of an impact, by the label `impact_energy` or assumed from the bore."""
     stated = plant.described.labels.get("impact_energy")
-    return IMPACT_ENERGY_J_M2 * 0.25 * math.pi * plant.bore_m**2 if stated is None else units.parse(stated, "J")
+    if stated is not None:
+        return number_of(stated, "J", "labels.impact_energy")
+    return IMPACT_ENERGY_J_M2 * 0.25 * math.pi * plant.bore_m**2
 
 
 def _is_friction_measured(plant: HeldDrive) -> bool:
