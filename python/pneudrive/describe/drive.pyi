@@ -31,7 +31,6 @@ from pneudrive.describe.system import (
     PISTON as PISTON,
     System as System,
     drive_names as drive_names,
-    expanded_drive as expanded_drive,
     short_name as short_name,
 )
 from pneudrive.describe.tables.dependences import DEPENDENCES as DEPENDENCES
