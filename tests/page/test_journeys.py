@@ -239,6 +239,7 @@ def test_friction_of_a_recording(server: Server, open_tab: Open) -> None:
     write_map(curves, folder / "map.parquet")
     fit = pn.fit_friction(curves)
     fit.to_toml(folder / "fit.toml")
+    (server.folder / "axis.toml").write_text(pn.Drive.load("catalogue:reference").to_toml())
     (server.folder / "results" / "worn").mkdir()
     write_map(curves.assign(friction_n=1.2 * curves["friction_n"]), server.folder / "results" / "worn" / "map.parquet")
     tab = open_tab(server.address)
@@ -273,6 +274,12 @@ def test_friction_of_a_recording(server: Server, open_tab: Open) -> None:
     again = FrictionFit.from_toml(folder / "fit-2.toml").values["coulomb"]
     assert again != fit.values["coulomb"]
     page.wait_for_selector(f"[data-value=coulomb][data-si='{again}']")
+    page.click("summary:text-is('Apply it to a drive')")
+    page.select_option("[data-form=apply] label:has-text('Drive') select", "axis.toml")
+    page.click("button:text-is('Apply to a new drive file'):enabled")
+    page.wait_for_selector(".tree >> text=fit-2-identified.toml", timeout=60_000)
+    applied = pn.Drive.load(folder / "fit-2-identified.toml").friction.parameters["coulomb"]
+    assert applied == pytest.approx(again, rel=1e-3)
     page.click("button:has-text('Residuals, profiles and next points of results/o-rings/fit-2.toml')")
     page.wait_for_selector("figure[data-figure='Residuals over speed'] .panel-drawing")
     page.wait_for_selector("text=coulomb_b over coulomb")

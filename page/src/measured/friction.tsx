@@ -75,7 +75,6 @@ export default function FrictionView() {
   const beside = [folderOf(path), "map.parquet"].filter(Boolean).join("/");
   const hasMap = studies.value?.files.some((file) => file.path === beside);
   const behind = useSignal("");
-  const out = path.replace(/(fit)?\.toml$/, "identified.toml");
   if (!isFit) return <MapView key={path} path={path} fit="" />;
   if (view && hasMap && !view.figures.length && !view.curves.length)
     return <MapView key={path} path={beside} fit={path} />;
@@ -86,14 +85,16 @@ export default function FrictionView() {
       {view && <Shown view={view} label="Fit" />}
       <ReportOf folder={folderOf(path)} />
       {view && <Behind path={path} of={behind} />}
-      {view && !hasMap && (
-        <Fold title="Apply it to a drive">
-          <JobForm kind="apply" given={{ fit: path }} start={{ out }} />
-        </Fold>
-      )}
+      {view && !hasMap && <Apply fit={path} />}
     </div>
   );
 }
+
+const Apply = ({ fit }: { fit: string }) => (
+  <Fold title="Apply it to a drive">
+    <JobForm kind="apply" given={{ fit }} start={{ out: fit.replace(/\.toml$/, "-identified.toml") }} />
+  </Fold>
+);
 
 /** A map, with the fit that was opened, or the fits of its folder. */
 function MapView({ path, fit: opened }: { path: string; fit: string }) {
@@ -175,6 +176,7 @@ function MapView({ path, fit: opened }: { path: string; fit: string }) {
                 </section>
               )}
               {fitted && <Values view={fitted} />}
+              {fit && <Apply key={fit} fit={fit} />}
               <Fold title="Fit another law">
                 <JobForm kind="fit" given={{ map: path }} jobs={["fit", "design"]} after={again} />
               </Fold>

@@ -7,9 +7,7 @@ export function useWidth<T extends Element>(first = 0): [RefObject<T | null>, nu
   const element = useRef<T>(null);
   const [width, setWidth] = useState(first);
   useLayoutEffect(() => {
-    const measure = () => setWidth(element.current?.clientWidth || first);
-    measure();
-    const observer = new ResizeObserver(measure);
+    const observer = new ResizeObserver(() => setWidth(element.current?.clientWidth || first)); // also once at the start
     observer.observe(element.current!);
     return () => observer.disconnect();
   }, []);
