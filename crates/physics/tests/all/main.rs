@@ -2,6 +2,7 @@
 
 mod chamber;
 mod contact;
+mod curve;
 mod film_lugre;
 mod flow;
 mod friction;

@@ -3,7 +3,7 @@
 //! Source: Al-Bender, Lampaert, Swevers, IEEE Trans. Automatic Control 50(11), 2005, 1883-1887 [albender2005].
 
 use crate::support::*;
-use physics::friction::{Contact, Element};
+use physics::friction::{AnyLaw, Contact, Element};
 
 /// Slip is viscous: with 1e11 m/s this speed adds 1e-8 of the level.
 const SLOW: f64 = 1e-5;
@@ -50,6 +50,27 @@ fn four_elements_stand_for_the_loading_curve_of_dahl() {
     let last = 1.0 + 2.0 * 2.0_f64.ln();
     let most = all.iter().fold(0.0_f64, |a, b| a.max(*b));
     assert!((excess(last) - 0.092).abs() < 5e-4 && most <= excess(last) + 1e-12, "{most}");
+}
+
+#[test]
+fn listed_elements_slip_in_the_order_of_their_yields() {
+    // Stiffness in N/m, shares of any sum: of 30 N they yield at 1.25 mm, 1/12 mm and 5/12 mm.
+    let listed = [[1e4, 5.0], [6e4, 2.0], [3e4, 5.0]];
+    let mut contact = flat();
+    let AnyLaw::MaxwellSlip(law) = &mut contact.law else { panic!("gms") };
+    law.set_elements(listed.map(|[stiffness, level]| Element { stiffness, level }).to_vec());
+    assert_eq!(law.common.bristle_stiffness, 1e5);
+    let ordered: Vec<[f64; 2]> = law.elements.iter().map(|e| [e.stiffness * 1e5, e.level * 12.0]).collect();
+    for (got, by_hand) in ordered.into_iter().zip([[6e4, 2.0], [3e4, 5.0], [1e4, 5.0]]) {
+        near(got[0], by_hand[0]);
+        near(got[1], by_hand[1]);
+    }
+    let mut p = Point::at_rest(&contact);
+    // The first element alone slips at 0.2 mm, and the second with it at 0.8 mm; of 30 N, 5, 12.5 and 12.5 N.
+    near(go(&contact, &mut p, 2e-4, SLOW), 5.0 + 6.0 + 2.0);
+    near(p.inner[1], 5.0 / 6e4);
+    near(go(&contact, &mut p, 8e-4, SLOW), 5.0 + 12.5 + 8.0);
+    near(go(&contact, &mut p, 2e-3, SLOW), 30.0);
 }
 
 #[test]

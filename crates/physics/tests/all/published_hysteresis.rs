@@ -4,7 +4,7 @@
 //! sigma2 = 0.4 N s/m, Fc = 1 N, Fs = 1.5 N, vs = 1 mm/s), [armstrong1994].
 
 use crate::support::*;
-use physics::friction::Contact;
+use physics::friction::{At, Contact};
 
 fn contact(key: &str, values: &[(&'static str, f64)]) -> Contact<f64> {
     Contact::from(law(registered(key), &with(values)))
@@ -192,5 +192,37 @@ fn armstrong_remembers_the_velocity_for_its_memory_time() {
         let force = evaluate(&armstrong, &p).0;
         assert!((force - by_hand).abs() < 1e-4, "{t} s: {force} {by_hand}");
         implicit(&armstrong, &mut p, dt, 0.5, &mut |_, _| {});
+    }
+}
+
+#[test]
+fn armstrong_keeps_its_force_at_the_arrival_and_recovers_with_the_stop() {
+    // Slip at u for long, of which 0.2 of Fs - Fc was lost before: E = 0.8 (Fs - Fc)/[1 + (u/vs)^2] goes on in stick.
+    let armstrong = contact("armstrong", &[("recovery_time", 3.0)]);
+    for u in [0.0, 5e-3, 0.02, 0.3] {
+        let mut inner = vec![0.0, u, 0.0, 0.2];
+        let at = At::at_rest();
+        let arrival = 15.0 * 0.8 / (1.0 + (u / 0.02_f64).powi(2));
+        assert_eq!(armstrong.next_mode(1.0, &at, &mut inner), 0.0);
+        for stood in [0.0, 0.5, 3.0, 1e3] {
+            let by_hand = 30.0 + arrival + (15.0 - arrival) * stood / (stood + 3.0);
+            for spring in [0.0, 10.0, -10.0] {
+                (inner[0], inner[2]) = (spring / 1e5, stood);
+                let left = armstrong.event(&at, &inner, 0.0);
+                assert!((left - (by_hand - spring.abs())).abs() < 1e-12, "{u} m/s, {stood} s: {left} N");
+            }
+            // It breaks away towards its deflection, with the level that it stood at, and no further rise.
+            let mut slips = inner.clone();
+            assert_eq!(armstrong.next_mode(0.0, &at, &mut slips), -1.0);
+            let p = Point {
+                v: -1e-12,
+                mode: -1.0,
+                inner: vec![0.0, 0.0, slips[2], slips[3]],
+                ..Point::at_rest(&armstrong)
+            };
+            let (force, rates) = evaluate(&armstrong, &p);
+            assert!((force + by_hand).abs() < 1e-9, "{u} m/s, {stood} s: {force} N, by hand {by_hand} N");
+            assert_eq!(rates[2..], [0.0, 0.0]);
+        }
     }
 }

@@ -4,7 +4,7 @@
 //! Marone, Annu. Rev. Earth Planet. Sci. 26, 1998 [marone1998].
 
 use crate::support::*;
-use physics::friction::{AnyLaw, Choices, Contact, Evolution};
+use physics::friction::{AnyLaw, At, Choices, Contact, Evolution};
 
 const LEVEL: f64 = 30.0;
 const A: f64 = 0.04;
@@ -205,4 +205,23 @@ fn the_state_stays_good_over_a_hold_of_twelve_decades() {
     // theta is the time held, some 6e9 s: psi = ln(v0 t/L).
     assert!((p.inner[1] - (REFERENCE * 6e9 / DISTANCE).ln()).abs() < 0.5, "{}", p.inner[1]);
     assert!(force > 0.0 && force < LEVEL && rates.iter().all(|rate| rate.is_finite()), "{force}");
+}
+
+#[test]
+fn steady_sliding_ends_below_the_limit_of_slip() {
+    // w = vc/2 takes u = vc: an argument twice as large. At 0.999 vc and beyond, a thousand times.
+    let set =
+        with(&[("direct_effect", A), ("evolution_effect", B), ("viscous", 0.0), ("slip_velocity", 0.5)]);
+    let contact = Contact::from(law(registered("rate-and-state"), &set));
+    let v0 = set["reference_velocity"];
+    for (v, slips, more) in
+        [(0.25, 0.25, 2.0), (0.4995, 0.4995, 1000.0), (0.6, 0.4995, 1000.0), (9.0, 0.4995, 1000.0)]
+    {
+        let hold = ((1.0 - B * f64::ln(slips / v0)) / A).max(f64::ln(v0 / 0.5));
+        let by_hand = A * set["coulomb"] * (0.5 * more * slips / v0 * hold.exp()).asinh();
+        for sign in [1.0, -1.0] {
+            let got = contact.steady(&At { v: sign * v, ..At::at_rest() });
+            assert!((got - sign * by_hand).abs() < 1e-9, "{v} m/s: {got} N, by hand {by_hand} N");
+        }
+    }
 }
