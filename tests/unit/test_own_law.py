@@ -226,9 +226,18 @@ def test_what_may_be_a_mistake_is_said():
     assert "in steady sliding at 20 mm/s" in pushes
     # A damper with the wrong sign: seen by its power where an energy is given, else by motions at random.
     (power,) = messages(law("k*z - d*z_rate", DAHL, energy="0.5*k*z^2"))
-    assert re.search(r"not passive: when sliding at .* changes suddenly to .* W more than its states lose", power)
-    (motion,) = messages(law("k*z - d*z_rate", DAHL))
-    assert re.search(r"not passive: a random motion of .* s got .* mJ more .* when v = .* mm/s, z = .* m;", motion)
+    before, after, given = numbers_in(r"sliding at (\S+) mm/s changes suddenly to (\S+) mm/s, it gives (\S+) W", power)
+    assert before * after < 0.0  # bristles at 30 N, whose rate is then 2 v: 2 d v^2 less Fc |v|
+    assert given == pytest.approx(600.0 * (1e-3 * after) ** 2 - 30.0 * abs(1e-3 * after), rel=1e-4)
+    (motion,) = messages(law("k*z + d*v - 1.5*d*z_rate", DAHL))
+    time, got, v, z = numbers_in(r"of (\S+) s got (\S+) mJ more .* when v = (\S+) mm/s, z = (\S+) m;", motion)
+    x, v = -3e-4 * np.log(1.0 - abs(z) / 3e-4), 1e-3 * abs(v)  # one piece from rest: z = Fc/k (1 - exp(-k x/Fc))
+    assert x / v == pytest.approx(time, abs=5e-4)
+    assert got == pytest.approx(1e3 * (450.0 * v * abs(z) - 300.0 * v * x - 30.0 * (x - abs(z))), rel=0.01)
+
+
+def numbers_in(pattern, text):
+    return map(float, re.search(pattern, text).groups())
 
 
 def test_levels_are_needed_by_what_acts_on_them():

@@ -64,20 +64,38 @@ def test_profile_stderr_counts_correlated_bins_as_fewer():
     assert profile_stderr(slow) > 2 * profile_stderr(white)
 
 
-def test_budget_knows_what_the_pair_cancels(make):
-    level = characterise_recordings(
-        make(gauge_b=6e5, swing=0.0, accuracy={"pressure_b_pa": 5e3, "force_n": 1.0, "bore_m": 5e-5})
-    ).levels[0]
+@pytest.mark.parametrize("is_stated", [True, False])
+def test_each_line_of_the_budget_is_what_its_error_does_to_half_difference_and_half_sum(make, is_stated):
+    """By hand: 5 N of friction, 6 bar in chamber b that swing by 0.2 bar with the direction, a bore of 25 mm."""
+    area, swing_pa, gauge_pa = np.pi / 4 * 0.025**2, 2e4, 6e5
+    half, whole = 5.0 + swing_pa * area, gauge_pa * area  # of the force
+    u_pa, u_n, bore = 5e3, 1.0, 5e-5 / 0.025
+    accuracy = {"pressure_b_pa": u_pa, "force_n": u_n, "bore_m": 5e-5}
+    if not is_stated:  # 0.5 % of 10 bar, 0.2 % of the largest force, 0.2 % of the bore
+        u_pa, u_n, bore, accuracy = 5e3 / np.sqrt(3), 2e-3 * (half + whole) / np.sqrt(3), 2e-3, {}
+    made = make(gauge_b=gauge_pa, swing=swing_pa, noise=0.0, position_noise=0.0, accuracy=accuracy)
+    (level,) = characterise_recordings(made).levels
     lines = {entry.source: entry for entry in level.budget}
-    area = np.pi / 4 * 0.025**2
-    # 0.5 % of 10 bar on a 25 mm bore is 2.5 N of offset, and none of friction where both directions have one pressure.
-    assert lines["pressure b: common error"].offset_n == pytest.approx(5e3 * area)
-    assert lines["pressure b: common error"].offset_n == pytest.approx(2.45, abs=0.01)
-    assert lines["pressure b: common error"].friction_n == pytest.approx(0.0, abs=1e-3)
-    assert lines["pressure b: hysteresis"].friction_n > 0.5
-    assert lines["bore (area)"].offset_n == pytest.approx(2 * 5e-5 / 0.025 * 6e5 * area, rel=0.01)
-    assert lines["bore (area)"].basis == "layout"
-    assert lines["alignment of the force axis"].basis == "assumed"
+    turned = 1.0 / (3.0 * np.sqrt(2.0))  # a third of the accuracy, independent in the two directions
+    expected = {
+        "pressure b: common error": (u_pa * area * swing_pa / 1e6, u_pa * area),
+        "pressure b: hysteresis": (u_pa * area * turned, u_pa * area * turned),
+        "force: common error": (u_n * half / (half + whole), u_n),
+        "force: hysteresis": (u_n * turned, u_n * turned),
+        "bore (area)": (2.0 * bore * swing_pa * area, 2.0 * bore * whole),
+        "alignment of the force axis": (
+            (1.0 - np.cos(np.radians(1.0))) * half,
+            (1.0 - np.cos(np.radians(1.0))) * whole,
+        ),
+    }
+    found = {name: (lines[name].friction_n, lines[name].offset_n) for name in expected}
+    for name, numbers in expected.items():
+        assert found[name] == pytest.approx(numbers, rel=2e-3), name
+    bases = [lines[name].basis for name in ("pressure b: common error", "force: common error", "bore (area)")]
+    assert (set(bases), lines["alignment of the force axis"].basis) == (
+        {"layout" if is_stated else "assumed"},
+        "assumed",
+    )
     total = np.sqrt(sum(entry.friction_n**2 for entry in level.budget))
     assert level.u_systematic_n == pytest.approx(total)
     assert level.expanded_n == pytest.approx(2 * np.hypot(level.stderr_n, total))
