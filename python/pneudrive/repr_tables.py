@@ -42,9 +42,15 @@ class Shown:
     """Base of classes that show their card as ``repr`` and in a notebook."""
 
     def _card(self) -> Card:
-        """Return the card: by default, the lines of ``str``, or the fields of a class without ``__str__``."""
+        """Return the card: by default, the lines of ``str``, or the fields of a class without ``__str__``.
+
+        The first line of ``str`` is the title. Lines with columns separated by two spaces are rows; others are notes.
+        """
         if type(self).__str__ is not object.__str__:
-            return card_of(str(self))
+            title, *lines = str(self).splitlines() or [""]
+            cells = [re.split(r"\s{2,}|\s+(?=95 %: )", line.strip()) for line in lines]
+            notes = [row[0] for row in cells if len(row) == 1]
+            return Card(title, rows=[row for row in cells if len(row) > 1], notes=notes)
         values = {field.name: getattr(self, field.name) for field in fields(self) if field.repr}  # type: ignore[arg-type]
         rows = [(name, brief(value)) for name, value in values.items() if value is not None]
         return Card(type(self).__name__, rows=[row for row in rows if row[1]])
@@ -53,26 +59,7 @@ class Shown:
         return text_of(self._card())
 
     def _repr_html_(self) -> str:
-        return self._picture() + html_of(self._card())
-
-    def _picture(self) -> str:
-        return ""
-
-
-def card_of(text: str) -> Card:
-    r"""Make a card from lines of text.
-
-    The first line is the title. Lines with columns separated by two spaces are rows; other lines are notes.
-
-    Examples
-    --------
-    >>> card_of("a fit\n  coulomb   30 N  95 %: 29 .. 31\n  ! viscous cannot be determined").rows
-    [['coulomb', '30 N', '95 %: 29 .. 31']]
-    """
-    title, *lines = text.splitlines() or [""]
-    cells = [re.split(r"\s{2,}|\s+(?=95 %: )", line.strip()) for line in lines]
-    notes = [one[0] for one in cells if len(one) == 1]
-    return Card(title, rows=[one for one in cells if len(one) > 1], notes=notes)
+        return html_of(self._card())
 
 
 def brief(value: object) -> str:

@@ -5,11 +5,11 @@ from __future__ import annotations
 import json
 import math
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 import polars as pl
@@ -19,7 +19,7 @@ from pneudrive.arrays import Array, ArrayPair, Columns, Keyed, Plain
 from pneudrive.campaign.planning.protocol import read_protocol
 from pneudrive.control.benchmarks import read_comparison
 from pneudrive.describe import Circuit, Drive
-from pneudrive.describe.all_values import DescribedValue, values_of
+from pneudrive.describe.all_values import values_of
 from pneudrive.describe.files import toml
 from pneudrive.describe.files.load import load_described
 from pneudrive.describe.tables.valve_flow import FLOW_KEYS
@@ -91,10 +91,32 @@ class StoredResult(Viewed):
             A file lacks values that pneudrive writes.
         """
         try:
-            return _VIEWS[self.kind](self)
+            if self.kind == "characterisation":
+                return self._map_and_fits()
+            return upper("validation_view")(self.content, self._run_of)
         except (KeyError, TypeError) as error:
             rule = f"a {self.kind} as pneudrive wrote it"
             raise CommandError(f"{self.path} lacks {error}", rule=rule, remedy="Write it again.") from None
+
+    def _run_of(self, number: int) -> Columns | None:
+        """Return the columns of the run of a record of a validation; None if its file is missing."""
+        names = [name if run == "" else f"{run}.{name}" for run in ("", "free", "restarted") for name in CHANNELS]
+        path = self.path.parent / self.content["record"][number].get("run", "")
+        return read_columns(path, ["time_s", *names]) if path.is_file() else None
+
+    def _map_and_fits(self) -> View:
+        """Return the view of a friction map with the values of all fits. Fits of its groups are drawn."""
+        fits, table = self.content["fits"], self.content["map"]
+        rows = [
+            replace(row, key=f"{name}: {row.key}", label=f"{name}: {row.label}")
+            for name, fit in fits.items()
+            for row in fit.view().rows
+        ]
+        groups = list(dict.fromkeys(group.assembly for group in groups_of(table)))
+        names = {group: "fit" if len(groups) == 1 else Path(fit_file(group)).stem for group in groups}
+        with_law = {name: fit for name, fit in fits.items() if hasattr(fit, "law")}
+        laws = {group: {with_law[name].law: with_law[name]} for group, name in names.items() if name in with_law}
+        return replace(map_view(table, laws), rows=rows)
 
 
 #: Kind of a file or a folder -> function that reads it.
@@ -214,46 +236,10 @@ def _dataset(frame: pl.DataFrame, attrs: Plain) -> xr.Dataset:
     return xr.Dataset(variables, attrs=attrs)
 
 
-def _validation_view(stored: StoredResult) -> View:
-    names = [name if run == "" else f"{run}.{name}" for run in ("", "free", "restarted") for name in CHANNELS]
-
-    def run(number: int) -> Columns | None:
-        path = stored.path.parent / stored.content["record"][number].get("run", "")
-        return read_columns(path, ["time_s", *names]) if path.is_file() else None
-
-    return upper("validation_view")(stored.content, run)
-
-
-def _characterisation_view(stored: StoredResult) -> View:
-    fits, table = stored.content["fits"], stored.content["map"]
-    rows = [
-        replace(row, key=f"{name}: {row.key}", label=f"{name}: {row.label}")
-        for name, fit in fits.items()
-        for row in fit.view().rows
-    ]
-    groups = list(dict.fromkeys(group.assembly for group in groups_of(table)))
-    names = {group: "fit" if len(groups) == 1 else Path(fit_file(group)).stem for group in groups}
-    with_law = {name: fit for name, fit in fits.items() if hasattr(fit, "law")}
-    laws = {group: {with_law[name].law: with_law[name]} for group, name in names.items() if name in with_law}
-    return replace(map_view(table, laws), rows=rows)
-
-
 def _curve(
     label: str, x: Array, y: Array, axes: tuple[str, str, str, str], band: ArrayPair | None = None
 ) -> ShownCurve:
     return ShownCurve(label, label, x, y, *axes, band, np.ones(len(x), dtype=bool))
-
-
-_VIEWS = {"validation": _validation_view, "characterisation": _characterisation_view}
-
-
-def _run_view(run: xr.Dataset) -> View:
-    curves, time = [], run["time"].to_numpy()
-    for name, column in run.data_vars.items():
-        unit, words = str(column.attrs.get("units")), str(name).replace("_", " ")
-        if column.dims == ("time",) and unit in ("m", "m/s", "Pa", "N"):
-            curves.append(_curve(words, time, column.to_numpy(), ("time", words, "s", unit)))
-    return replace(run.pneu.info(), curves=curves)
 
 
 def _fit_pairs(before: FrictionFit, after: FrictionFit) -> Iterator[CurvePair]:
@@ -319,18 +305,18 @@ def view_of(result: Any) -> View:  # noqa: ANN401 - any result
         The result is a description, which has no view.
     """
     if isinstance(result, xr.Dataset):
-        return _run_view(result) if kind_of(result) == "run" else result.pneu.view()
+        view = result.pneu.view()
+        if kind_of(result) != "run":
+            return view
+        curves, time = [], result["time"].to_numpy()
+        for name, column in result.data_vars.items():
+            unit, words = str(column.attrs.get("units")), str(name).replace("_", " ")
+            if column.dims == ("time",) and unit in ("m", "m/s", "Pa", "N"):
+                curves.append(_curve(words, time, column.to_numpy(), ("time", words, "s", unit)))
+        return replace(view, curves=curves)
     if hasattr(result, "view"):
         return result.view()
     raise CommandError(f"a {kind_of(result)} has no values to show")
-
-
-class ComparedValue(NamedTuple):
-    """A value of one result: as text with its unit, its 95 % interval, and in SI."""
-
-    text: str = ""
-    interval: str = ""
-    si: float | None = None
 
 
 class ValuePair(NamedTuple):
@@ -355,6 +341,11 @@ class ValuePair(NamedTuple):
     interval_before: str
     interval_after: str
     change: float | None
+
+
+#: A value of one result: as text with its unit, its 95 % interval, and in SI.
+Compared: TypeAlias = tuple[str, str, float | None]
+NO_VALUE: Compared = ("", "", None)
 
 
 class CurvePair(NamedTuple):
@@ -448,8 +439,10 @@ class ResultComparison(Shown):
 
     def rows(self) -> list[tuple[str, ...]]:
         """Return key, first value, its interval, second value, its interval, and change in percent of each pair."""
+        percent = ["" if v.change is None else f"{100 * v.change:+.3g}" for v in self.values]
         return [
-            (v.key, v.before, v.interval_before, v.after, v.interval_after, _percent(v.change)) for v in self.values
+            (v.key, v.before, v.interval_before, v.after, v.interval_after, change)
+            for v, change in zip(self.values, percent, strict=True)
         ]
 
     def figure(self) -> Figure:
@@ -488,10 +481,6 @@ class ResultComparison(Shown):
         return Card(self.sentence, head if self.values else (), self.rows(), curves)
 
 
-def _percent(change: float | None) -> str:
-    return "" if change is None else f"{100 * change:+.3g}"
-
-
 def _axis(quantity: str, unit: str) -> Axis:
     return Axis(label_of(quantity, readable(unit)[1]))
 
@@ -528,29 +517,49 @@ def compare_results(first: Any, second: Any, names: tuple[str, str] = ("before",
             value=f"{kinds[0]} and {kinds[1]}",
             rule="two drives, circuits, fits, maps, runs, sizings, validations, campaigns or ensembles",
         )
-    old, new = (_sides(each, other) for each, other in (results, results[::-1]))
-    nothing = ComparedValue()
-    pairs = [_pair(key, old.get(key, nothing), new.get(key, nothing)) for key in {**old, **new}]
+    old, new = (_values(each, other) for each, other in (results, results[::-1]))
+    pairs = []
+    for key in {**old, **new}:
+        before, ends_before, si_before = old.get(key, NO_VALUE)
+        after, ends_after, si_after = new.get(key, NO_VALUE)
+        change, unit = None, before.partition(" ")[2]
+        if si_before is not None and si_after is not None:
+            if unit and not after.endswith(f" {unit}"):
+                with suppress(DescriptionError):  # of another quantity, or words
+                    after = in_unit(after, unit)
+            if si_before != 0.0 and before.endswith(" abs") == after.endswith(" abs"):
+                change = (si_after - si_before) / abs(si_before)
+        pairs.append(ValuePair(key, before, after, ends_before, ends_after, change))
     different = tuple(p for p in pairs if (p.before, p.interval_before) != (p.after, p.interval_after))
     are_fits = all(isinstance(each, FrictionFit) for each in results)
     if are_fits:
         curves = list(_fit_pairs(*results))
     else:
-        by_label = {curve.key: curve for curve in _curves(results[1])}
-        curves = [_curve_pair(each, by_label[each.key]) for each in _curves(results[0]) if each.key in by_label]
+        of_first, of_second = (() if isinstance(each, Drive | Circuit) else view_of(each).curves for each in results)
+        by_key = {curve.key: curve for curve in of_second}
+        curves = [_curve_pair(curve, by_key[curve.key]) for curve in of_first if curve.key in by_key]
     shown = tuple(pair for pair in curves if len(pair.x))
     note = ONE_SIDED * any(map(_is_one_sided, results)) + APART * (not shown) if are_fits else ""
     return ResultComparison(kinds[0], names, different, len(pairs) - len(different), shown, note)
 
 
-def _sides(result: Any, other: Any) -> dict[str, ComparedValue]:  # noqa: ANN401 - any results
+def _values(result: Any, other: Any) -> dict[str, Compared]:  # noqa: ANN401 - any results
     """Return the values of a result by key, as far as possible by the keys of the other result."""
     if isinstance(result, Drive | Circuit):
         ends = {key: " … ".join(one.interval) for key, one in (getattr(result, "provenance", None) or {}).items()}
         keys = {v.key for v in values_of(other)}
-        values = [_same_size(v, result, keys) for v in values_of(result)]
-        sides = {v.key: ComparedValue(str(v.value), ends.get(v.key, ""), _number(str(v.value))) for v in values}
-        return sides | {f"connection {each}": ComparedValue("yes") for each in getattr(result, "connections", ())}
+        values: dict[str, Compared] = {}
+        for described in values_of(result):
+            key, value = described.key, str(described.value)
+            # The nominal flow, Kv or Cv of a path is compared as its conductance, if the other description states that.
+            path, _, last = key.rpartition(".")
+            kind = next((flow for flow in FLOW_KEYS[1:] if last.endswith(flow)), last)
+            size = f"{last.removesuffix(kind)}conductance"
+            if kind != last and f"{path}.{size}" in keys:
+                number = result.circuit.components[path.removeprefix("components.")].core(0.0)["numbers"][size]
+                key, value = f"{path}.{size}", f"{1e8 * number:.4g} dm3/(s bar)"
+            values[key] = value, ends.get(key, ""), _number(value)
+        return values | {f"connection {each}": ("yes", "", None) for each in getattr(result, "connections", ())}
     view = view_of(result)
     rows = [row for row in view.rows if row.origin != "text"]
     if isinstance(result, Fit):  # as its report: the intervals contain the errors of the sensors
@@ -558,39 +567,28 @@ def _sides(result: Any, other: Any) -> dict[str, ComparedValue]:  # noqa: ANN401
         about = {row.key: (float(row.value), row.interval) for row in rows if row.interval}
         wide = {key: whole_interval(*of, u.get(key, 0.0)) for key, of in about.items()}
         rows = [replace(row, interval=wide.get(row.key)) for row in rows]
-    sides = {row.key: _side(row) for row in rows}
+    values = {row.key: _compared(row) for row in rows}
     if isinstance(result, SizingResult):  # a table of the view names the parts
-        sides |= {f"rank {k}.parts": ComparedValue(d.part_names) for k, d in enumerate(result.by_cylinder, 1)}
-        sides["verdict"] = ComparedValue(result.state)
+        values |= {f"rank {k}.parts": (d.part_names, "", None) for k, d in enumerate(result.by_cylinder, 1)}
+        values["verdict"] = result.state, "", None
         if result.miss:
-            sides["nearest miss"] = ComparedValue(f"{in_words(result.miss.parts)}: {result.miss.limit}")
-    return sides
+            values["nearest miss"] = f"{in_words(result.miss.parts)}: {result.miss.limit}", "", None
+    return values
 
 
-def _same_size(value: DescribedValue, described: Drive | Circuit, keys: set[str]) -> DescribedValue:
-    """Return the nominal flow, Kv or Cv of a path as its conductance, if the other description states that."""
-    path, _, last = value.key.rpartition(".")
-    kind = next((one for one in FLOW_KEYS[1:] if last.endswith(one)), last)
-    size = f"{last.removesuffix(kind)}conductance"
-    if kind == last or f"{path}.{size}" not in keys:
-        return value
-    number = described.circuit.components[path.removeprefix("components.")].core(0.0)["numbers"][size]
-    return value._replace(key=f"{path}.{size}", value=f"{1e8 * number:.4g} dm3/(s bar)")
-
-
-def _side(row: ShownValue) -> ComparedValue:
+def _compared(row: ShownValue) -> Compared:
     if isinstance(row.value, str):
-        return ComparedValue(row.value, "", _number(row.value))
+        return row.value, "", _number(row.value)
     if not math.isfinite(row.value):
-        return ComparedValue()
+        return NO_VALUE
     size, ends = readable(row.unit)[0], row.interval
     if ends is None or not np.isfinite(ends).all():
         last = row.quantity.rpartition(", ")[2]  # air of a cycle, l ANR
         unit = row.usual_unit or (last if last.removesuffix(" ANR") in TABLE else "")
-        return ComparedValue(f"{plain(row.value / size)} {unit}".strip(), "", row.value)
+        return f"{plain(row.value / size)} {unit}".strip(), "", row.value
     digits = places(0.5 * (ends[1] - ends[0]) / size)
     text, *bounds = (f"{value / size:.{digits}f}" for value in (row.value, *ends))
-    return ComparedValue(f"{text} {row.usual_unit}".strip(), " … ".join(bounds), row.value)
+    return f"{text} {row.usual_unit}".strip(), " … ".join(bounds), row.value
 
 
 def _number(text: str) -> float | None:
@@ -601,22 +599,6 @@ def _number(text: str) -> float | None:
     unit = (found[2] or "").removesuffix(" abs").removesuffix(" gauge").removesuffix(" ANR")
     _, factor, offset = TABLE.get(unit, (unit, 1.0, 0.0))
     return float(found[1]) * factor + offset
-
-
-def _pair(key: str, old: ComparedValue, new: ComparedValue) -> ValuePair:
-    """Return two values as a pair, in the unit of the first."""
-    unit, text = old.text.partition(" ")[2], new.text
-    if unit and old.si is not None and new.si is not None and not text.endswith(f" {unit}"):
-        with suppress(DescriptionError):  # of another quantity, or words
-            text = in_unit(text, unit)
-    are_alike = old.text.endswith(" abs") == new.text.endswith(" abs")
-    is_known = old.si is not None and new.si is not None and old.si != 0.0 and are_alike
-    change = (new.si - old.si) / abs(old.si) if is_known else None  # type: ignore[operator]
-    return ValuePair(key, old.text, text, old.interval, new.interval, change)
-
-
-def _curves(result: Any) -> Sequence[ShownCurve]:  # noqa: ANN401 - any result
-    return () if isinstance(result, Drive | Circuit) else view_of(result).curves
 
 
 def _curve_pair(first: ShownCurve, second: ShownCurve) -> CurvePair:

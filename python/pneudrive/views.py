@@ -339,12 +339,15 @@ class View(Shown):
             of_column.setdefault(value.quantity, set()).add(value.usual_unit)
             labels.setdefault(value.label, {})[value.quantity] = value
         # A column of one unit names it in its head, a column of several beside each value.
-        one = {name: next(iter(units)) if len(units) == 1 else None for name, units in of_column.items()}
-        heads = ("", *(f"{name} {unit or ''}".strip() for name, unit in one.items()))
-        return heads, [
-            (label, *(_cell(cells.get(name), with_unit=unit is None) for name, unit in one.items()))
-            for label, cells in labels.items()
-        ]
+        common = {name: next(iter(units)) if len(units) == 1 else None for name, units in of_column.items()}
+        rows = []
+        for label, values in labels.items():
+            cells = [label]
+            for name, unit in common.items():
+                text, own = (values[name].text, values[name].usual_unit) if name in values else ("", "")
+                cells.append(f"{text} {own}".strip() if unit is None and text else text)
+            rows.append(tuple(cells))
+        return ("", *(f"{name} {unit or ''}".strip() for name, unit in common.items())), rows
 
     def value_tables(self, without: Collection[ShownValue] = ()) -> list[HeadAndRows]:
         """Return head and rows of each table of values. Labels with a common quantity share a table."""
@@ -408,9 +411,8 @@ class Viewed(Shown):
     def _card(self) -> Card:
         return self.view()._card()
 
-    def _picture(self) -> str:
-        draw = upper("figure_svg")
-        return "".join(draw(shown) for shown in self.view().figures[:MOST_PICTURES])
+    def _repr_html_(self) -> str:
+        return "".join(map(upper("figure_svg"), self.view().figures[:MOST_PICTURES])) + super()._repr_html_()
 
 
 class Reported(Viewed):
@@ -425,12 +427,6 @@ class Reported(Viewed):
             The folder cannot be written to.
         """
         return upper("view_report")(self.view(), synthetic=getattr(self, "synthetic", False)).write(folder)
-
-
-def _cell(value: ShownValue | None, *, with_unit: bool) -> str:
-    if value is None:
-        return ""
-    return f"{value.text} {value.usual_unit}".strip() if with_unit and value.text else value.text
 
 
 def _ends(values: Array, form: str) -> str:

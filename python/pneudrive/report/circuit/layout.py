@@ -10,7 +10,7 @@ import math
 from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import lru_cache
-from itertools import chain, islice, pairwise
+from itertools import chain, pairwise
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from pneudrive.describe.connections import Joint, Port, Wiring, is_platform
@@ -199,7 +199,10 @@ def _block(name: str, one: Component) -> Block:
         strokes, places = _plain(entry)
     ports = {port["name"]: place for port, place in zip(entry["ports"], places, strict=True)}
     box = bounds([*(point for stroke in strokes for point in stroke.outline()), *places])
-    directions = {port: _side(place, box) for port, place in ports.items()}
+    directions = {}  # side of the symbol on which each port leaves
+    for port, (x, y) in ports.items():
+        away = {"left": x - box[0], "down": y - box[1], "right": box[2] - x, "up": box[3] - y}
+        directions[port] = min(away, key=lambda side: (away[side], side not in ("down", "up")))
     label = _label(name, one, box, set(directions.values()))
     whole = bounds([corner for one_box in (box, label_box(label)) for corner in (one_box[:2], one_box[2:])])
     return Block(name, strokes, ports, directions, box, label, whole)
@@ -257,15 +260,23 @@ def bounds(points: Iterable[Point], room: float = 0.0) -> Box:
     return min(xs) - room, min(ys) - room, max(xs) + room, max(ys) + room
 
 
-def _side(place: Place, box: Box) -> str:
-    """Return the side of a symbol with a given port."""
-    (x, y), (left, low, right, high) = place, box
-    away = {"left": x - left, "down": y - low, "right": right - x, "up": high - y}
-    return min(away, key=lambda side: (away[side], side not in ("down", "up")))
-
-
 def _label(name: str, one: Component, box: Box, taken: set[str]) -> Label:
-    lines = (name, *islice(_values(one), MOST_VALUES))
+    """Return the name and the first values that the component's kind requires, on a side without ports."""
+    given, values = one.plain(), []
+    for parameter in one.entry["parameters"]:
+        keys = [parameter["key"], *one.same_size(parameter["key"])]
+        key = next((key for key in keys if key in given), None)
+        if key is None or not is_needed(parameter, given):
+            continue
+        # Common symbols: ``C needle`` for ``needle_conductance``.
+        of, is_conductance, _ = key.rpartition("conductance")
+        symbol = f"C {of}" if is_conductance else "b" if key == "critical_pressure_ratio" else key
+        number, space, unit = str(given[key]).partition(" ")
+        with suppress(ValueError):
+            number = f"{float(number):.5g}".replace("e+0", "e").replace("e-0", "e-")
+        unit = unit.replace("m3", "m\N{SUPERSCRIPT THREE}").replace("m2", "m\N{SUPERSCRIPT TWO}")
+        values.append(f"{symbol.replace('_', ' ').strip()} {number}{space}{unit}")
+    lines = (name, *values[:MOST_VALUES])
     wide = box[2] - box[0] >= WIDE
     free = [side for side in (("up", "right", "left") if wide else ("right", "left", "up")) if side not in taken]
     middle = 0.5 * (box[1] + box[3]) + 0.5 * LINE * len(lines)
@@ -276,32 +287,6 @@ def _label(name: str, one: Component, box: Box, taken: set[str]) -> Label:
         "": Label(lines, box[2] + 0.7, box[3] + 0.5 + LINE * len(lines), "left"),  # beyond the corner
     }
     return places[free[0] if free else ""]
-
-
-def _values(one: Component) -> Iterator[str]:
-    """Yield the values that the component's kind requires."""
-    given = one.plain()
-    for parameter in one.entry["parameters"]:
-        keys = [parameter["key"], *one.same_size(parameter["key"])]
-        key = next((key for key in keys if key in given), None)
-        if is_needed(parameter, given) and key is not None:
-            yield f"{_word(key)} {_typeset(given[key])}"
-
-
-def _word(key: str) -> str:
-    """Return a key as a label with common symbols: ``C needle`` for ``needle_conductance``."""
-    if key == "critical_pressure_ratio":
-        return "b"
-    of, is_conductance, _ = key.rpartition("conductance")
-    return f"C {of}".replace("_", " ").strip() if is_conductance else key.replace("_", " ")
-
-
-def _typeset(value: object) -> str:
-    number, space, unit = str(value).partition(" ")
-    with suppress(ValueError):
-        number = f"{float(number):.5g}".replace("e+0", "e").replace("e-0", "e-")
-    unit = unit.replace("m3", "m\N{SUPERSCRIPT THREE}").replace("m2", "m\N{SUPERSCRIPT TWO}")
-    return f"{number}{space}{unit}"
 
 
 # --- Places of the blocks, and ways of the lines between them.
@@ -342,8 +327,11 @@ class Routes:
         nets = [{placed[port.component].port(port.name): port.is_pilot for port in joint.ports} for joint in joints]
         self.pins = {point for net in nets for point in net}
         # Short lines first; but of the rods below a platform the outermost first, so that they do not cross.
-        reaches = map(_reach, nets)
-        order = [(rod, -reach if rod else reach) for rod, reach in zip(map(is_rod, joints), reaches, strict=True)]
+        order = []
+        for joint, net in zip(joints, nets, strict=True):
+            low_x, low_y, high_x, high_y = bounds(net)
+            reach = high_x - low_x + high_y - low_y
+            order.append((is_rod(joint), -reach if is_rod(joint) else reach))
         for number in sorted(range(len(nets)), key=order.__getitem__):
             self._join(number, nets[number])
 
@@ -434,11 +422,6 @@ class Routes:
                 yield Shape("dot", moved([branch]), size=0.28, net=number)
 
 
-def _reach(points: Iterable[Place]) -> float:
-    low_x, low_y, high_x, high_y = bounds(points)
-    return high_x - low_x + high_y - low_y
-
-
 def _far(one: Place, other: Place) -> int:
     return abs(one[0] - other[0]) + abs(one[1] - other[1])
 
@@ -452,19 +435,6 @@ def is_rod(joint: Joint) -> bool:
     return joint.ports[0].kind == "axis"
 
 
-def drawn_joints(circuit: Circuit, placed: Placed) -> list[Joint]:
-    """Return the joints with a line between ports; a port that is open to the ambient air, or shut, gets a mark."""
-    out = []
-    for joint in circuit.wiring.joints:
-        if len(joint.ports) > 1 and not joint.ambient:
-            out.append(joint)
-            continue
-        for port in joint.ports:
-            if joint.ambient or port.kind == "gas":
-                placed[port.component].marks[port.name] = "exhaust" if joint.ambient else "shut"
-    return out
-
-
 def place(circuit: Circuit, spread: float) -> tuple[dict[str, Block], list[Joint]]:
     """Set the positions of the components of a circuit. `spread` widens the space for lines between them.
 
@@ -474,15 +444,32 @@ def place(circuit: Circuit, spread: float) -> tuple[dict[str, Block], list[Joint
         Two components with `at` overlap.
     """
     placed = {name: _block(name, one) for name, one in circuit.components.items()}
-    joints = drawn_joints(circuit, placed)
+    joints = []  # with a line between ports; a port that is open to the ambient air, or shut, gets a mark
+    for joint in circuit.wiring.joints:
+        if len(joint.ports) > 1 and not joint.ambient:
+            joints.append(joint)
+            continue
+        for port in joint.ports:
+            if joint.ambient or port.kind == "gas":
+                placed[port.component].marks[port.name] = "exhaust" if joint.ambient else "shut"
     above = {name for name in placed if is_platform(circuit.components[name].entry)}
     beside = _beside(joints, circuit, above)
     ranks = _ranks(circuit.wiring, [name for name in placed if name not in beside and name not in above])
     ranks |= dict.fromkeys(above, 1 + max(ranks.values(), default=0))
-    columns = {name: _columns(name, beside) for name in ranks}
     rows = {rank: [name for name in ranks if ranks[name] == rank] for rank in sorted(set(ranks.values()))}
     spans = [[ranks[port.component] for port in joint.ports if port.component in ranks] for joint in joints]
-    extent = {name: _group_extent(placed[name], columns[name], placed) for name in ranks}
+    # Components that an actuator moves, in columns by their number of couplings from the actuator; and the extent of
+    # each block with these components to the left and right of its origin.
+    columns, extent = {}, {}
+    for name in ranks:
+        reached = [[name]]
+        while column := [other for other, mover in beside.items() if mover in reached[-1]]:
+            reached.append(column)
+        columns[name] = reached[1:]
+        boxes = ([placed[other].box for other in column] for column in columns[name])
+        widths = (max(box[2] - box[0] + 4 for box in column) for column in boxes)
+        block, marked = placed[name], 1.0 if placed[name].marks else 0.0
+        extent[name] = block.box[0] - marked, block.box[2] + sum(widths) + marked
     actuators = {name: actuator for actuator, moved in columns.items() for name in chain.from_iterable(moved)}
     _order(rows, extent, _pulls(joints, actuators, above), placed, spread)
     y = 0.0
@@ -512,14 +499,6 @@ def _beside(joints: Sequence[Joint], circuit: Circuit, above: Collection[str]) -
     return out
 
 
-def _columns(actuator: str, beside: Beside) -> list[list[str]]:
-    """Return, in columns, the components that an actuator moves, by their number of couplings from the actuator."""
-    columns = [[actuator]]
-    while column := [name for name, mover in beside.items() if mover in columns[-1]]:
-        columns.append(column)
-    return columns[1:]
-
-
 def _put_beside(actuator: Block, columns: Sequence[Sequence[str]], beside: Beside, placed: Placed) -> None:
     """Place the moved components to the right of their actuator, each at the height of the component that moves it."""
     last = actuator.x + actuator.box[2]
@@ -536,18 +515,16 @@ def _put_beside(actuator: Block, columns: Sequence[Sequence[str]], beside: Besid
         last = max(placed[name].x + placed[name].box[2] for name in column)
 
 
-def _group_extent(actuator: Block, columns: Sequence[Sequence[str]], placed: Placed) -> Interval:
-    """Return the extent of a block to the left and right of its origin, including the components that it moves."""
-    boxes = ([placed[name].box for name in column] for column in columns)
-    widths = (max(box[2] - box[0] + 4 for box in column) for column in boxes)
-    marked = 1.0 if actuator.marks else 0.0
-    return actuator.box[0] - marked, actuator.box[2] + sum(widths) + marked
-
-
 def _ranks(wiring: Wiring, names: Sequence[str]) -> dict[str, int]:
     """Return the distance of each component from the supply. Exhaust parts are below, and actuators are on top."""
     ports = {name: [port for port in wiring.ports(name) if port.kind == "gas"] for name in names}
-    todo = [name for name in names if _is_supply(ports[name])] or list(names[:1])
+    # A supply (a reservoir, a compressor) holds a pressure, or has a single port.
+    supplies = [
+        name
+        for name, own in ports.items()
+        if any(port.holds == "pressure" for port in own) or (len(own) == 1 and own[0].is_single)
+    ]
+    todo = supplies or list(names[:1])
     known = dict.fromkeys(todo, 0)
     while len(known) < len(names):
         for name in todo:  # grows during the loop
@@ -564,11 +541,6 @@ def _ranks(wiring: Wiring, names: Sequence[str]) -> dict[str, int]:
     actuators = [name for name in names if len(ports[name]) and any(p.kind == "axis" for p in wiring.ports(name))]
     top = max([known[name] for name in actuators] + [rank + 1 for name, rank in known.items() if name not in actuators])
     return known | dict.fromkeys(actuators, top)
-
-
-def _is_supply(ports: Sequence[Port]) -> bool:
-    """Return whether a component with these ports supplies gas: a reservoir, a compressor."""
-    return any(port.holds == "pressure" for port in ports) or (len(ports) == 1 and ports[0].is_single)
 
 
 def _behind(ports: Sequence[Port], wiring: Wiring, known: Mapping[str, int]) -> int | None:

@@ -27,8 +27,9 @@ LEAST_WIDTH = 40.0  # modules, so that the notes below have room
 SAID = "Symbols after ISO 1219."
 LETTER = 0.6  # modules: width of a letter of the notes, rounded up
 
-#: Symbols of cylinders: width of the barrel, and distance from its left end to the piston, modules.
+#: Symbols of cylinders, modules: width of the barrel, distance from its left end to the piston, corners of the piston.
 BARREL_WIDTH, PISTON_FROM = 12.0, 3.0
+PISTON = [(0.0, 0.0), (0.0, 4.0), (0.8, 4.0), (0.8, 0.0)]
 
 
 class CircuitShapes(NamedTuple):
@@ -78,7 +79,12 @@ def pistons(shapes: Sequence[Shape]) -> dict[str, PistonShapes]:
     out: dict[str, PistonShapes] = {}
     for name in dict.fromkeys(one.component for one in shapes if one.component):
         own = {number: one for number, one in enumerate(shapes) if one.component == name and one.word != "text"}
-        faces = [one.points for one in own.values() if _is_piston(one)]
+        faces = []
+        for shape in own.values():
+            left, low = shape.points[0]
+            corners = [(round(x - left, 6), round(y - low, 6)) for x, y in shape.points]
+            if shape.word == "line" and corners == PISTON:
+                faces.append(shape.points)
         if len(faces) != 1:
             continue
         (left, low), (_, high), (right, _), _ = faces[0]
@@ -87,15 +93,6 @@ def pistons(shapes: Sequence[Shape]) -> dict[str, PistonShapes]:
         barrel = (start, low, start + BARREL_WIDTH, high)
         out[name] = PistonShapes(barrel, (left, right), {number: one for number, one in moves.items() if any(one)})
     return out
-
-
-def _is_piston(shape: Shape) -> bool:
-    """Return whether a shape is the piston in the symbol of a cylinder."""
-    if shape.word != "line" or len(shape.points) != 4:
-        return False
-    (x, y), *rest = shape.points
-    steps = [(round(px - x, 6), round(py - y, 6)) for px, py in rest]
-    return steps == [(0.0, 4.0), (0.8, 4.0), (0.8, 0.0)]
 
 
 def _moves(x: float, y: float) -> bool:
@@ -153,31 +150,29 @@ def circuit_svg(described: Circuit | Drive) -> str:
     """
     (left, bottom, right, top), shapes, *_ = circuit_shapes(described)
     width, height = right - left, top - bottom
-    head = (
+    elements = [
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="{left:.3g} {-top:.3g} {width:.4g} {height:.4g}" role="img" '
         f'aria-label="Circuit of {escape(described.name)}, symbols after ISO 1219" width="{PIXELS * width:.0f}" '
         'style="max-width:100%;height:auto" fill="none" stroke="currentColor">'
-    )
-    return head + "".join(_element(_pen(shape)) for shape in shapes) + "</svg>"
-
-
-def _element(stroke: PenStroke) -> str:
-    """Return a stroke as an element of SVG, y down."""
-    size = PT * stroke.size
-    if stroke.text:
-        ((x, y),) = stroke.points
-        side, _, hangs = stroke.align.partition(" ")
-        down = 0.8 if hangs == "top" else 0.35  # of the size of the text, from its point to its base line
-        return (
-            f'<text x="{x:.4g}" y="{down * size - y:.4g}" font-size="{size:.3g}" text-anchor="{ANCHORS[side]}" '
-            f'fill="currentColor" stroke="none">{escape(stroke.text)}</text>\n'
+    ]
+    for stroke in map(_pen, shapes):  # y of an SVG points down
+        size, width = PT * stroke.size, PT * stroke.width
+        if stroke.text:
+            ((x, y),) = stroke.points
+            side, _, hangs = stroke.align.partition(" ")
+            down = 0.8 if hangs == "top" else 0.35  # of the size of the text, from its point to its base line
+            elements.append(
+                f'<text x="{x:.4g}" y="{down * size - y:.4g}" font-size="{size:.3g}" text-anchor="{ANCHORS[side]}" '
+                f'fill="currentColor" stroke="none">{escape(stroke.text)}</text>\n'
+            )
+            continue
+        points = " ".join(f"{x:.4g},{-y:.4g}" for x, y in stroke.points)
+        fill, dash = "currentColor" if stroke.fill else "none", " ".join(f"{width * part:.3g}" for part in stroke.dash)
+        elements.append(
+            f'<polyline points="{points}" stroke-width="{width:.3g}" fill="{fill}" '
+            f'stroke-dasharray="{dash or "none"}"/>'
         )
-    points = " ".join(f"{x:.4g},{-y:.4g}" for x, y in stroke.points)
-    fill, dashes = "currentColor" if stroke.fill else "none", (PT * stroke.width * part for part in stroke.dash)
-    dash = " ".join(f"{part:.3g}" for part in dashes) or "none"
-    return (
-        f'<polyline points="{points}" stroke-width="{PT * stroke.width:.3g}" fill="{fill}" stroke-dasharray="{dash}"/>'
-    )
+    return "".join([*elements, "</svg>"])
 
 
 # --- A circuit as a drawing, with symbols after ISO 1219.
