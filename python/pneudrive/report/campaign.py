@@ -5,8 +5,6 @@ from __future__ import annotations
 import math
 from collections import Counter
 from dataclasses import replace
-from functools import partial
-from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,27 +13,26 @@ import polars as pl
 from pneudrive.campaign.cycle import KINDS
 from pneudrive.constants import ZERO_CELSIUS_K
 from pneudrive.estimate.estimates import Estimate
-from pneudrive.figures import MEASURED, Axis, Band, Figure, Line, Look, Markers, Panel, Rule, banded, ends, look, stack
+from pneudrive.figures import SPEED, Axis, Band, Figure, Line, Look, Markers, Panel, Rule, banded, ends, look, stack
 from pneudrive.friction.friction_map import BOTH, CHAMBERS, LEVELS, PA_PER_BAR, Condition, conditions_of
 from pneudrive.friction.sentences import Statement, flag_table
 from pneudrive.numbers import plain, with_interval, with_u
 from pneudrive.report import page
 from pneudrive.report.page import MM, Paragraph, Topic, condition_names, figure_of, plural, spread_evenly
-from pneudrive.views import MOST_LEADING, Finding, ShownCurve, ShownFigure, ShownValue, State, View, worst
+from pneudrive.views import MOST_LEADING, Finding, ShownFigure, ShownValue, State, View, worst
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
     from pathlib import Path
 
-    from pneudrive.friction.campaign.compare import Comparison, CurveComparison, Test
+    from pneudrive.arrays import Array
+    from pneudrive.friction.campaign.compare import Comparison, CurveComparison
     from pneudrive.friction.campaign.result import CampaignCharacteristics
     from pneudrive.friction.campaign.stops.dwell_law import DwellSeries
     from pneudrive.report.page import Blocks, Section
-    from pneudrive.rig.interface import Identity
 
 MOST_CURVES = 8  # that a reader can distinguish in one picture
 MOST_PANELS = MOST_LOOPS = 6
-MOST_CONDITIONS = 8
 OF_INTERVAL = ("", "_low", "_high")  # endings of the columns of a value and its interval
 SHOWN_SPEEDS = 12  # rows of a table
 MOST_LINES = 120  # lines of a protocol that are shown
@@ -77,8 +74,16 @@ def campaign_view(found: CampaignCharacteristics) -> View:
     """Return the view of a campaign, or of the curves of recordings."""
     ambient, values = found.identity.ambient_pressure_pa, tuple(_values(found))
     findings = findings_of(found.statements)
+    # Headline: number of cycles, rig, and number of open findings. Recordings have no rig.
+    is_campaign, rig = found.name != found.identity.name, f"on {found.identity.name}"
+    count = plural(len(found.cycles) + len(found.stops), "cycle" if is_campaign else "speed level")
+    if found.synthetic or not is_campaign:
+        rig = "on a simulated rig (synthetic)" if found.synthetic else "of recordings"
+    lost = f"; {plural(len(found.skipped), 'cycle')} could not be used" if found.skipped else ""
+    missing = sum(not s.carried for s in found.statements)
+    rest = f" {plural(missing, 'question is', 'questions are')} not answered by these data." if missing else ""
     return View(
-        title=_headline(found),
+        title=f"{f'{found.name}: ' if is_campaign else ''}{count} {rig}{lost}.{rest}",
         rows=values,
         curves=tuple(curve.shown(ambient) for curve in found.curves if curve.direction == BOTH),
         state=worst(findings),
@@ -100,18 +105,6 @@ def findings_of(statements: Iterable[Statement]) -> tuple[Finding, ...]:
         return "good" if statement.carried else "bad" if statement.topic == "data" else "open"
 
     return tuple(Finding(s.text, state(s), f"Remedy: {s.remedy}" if s.remedy else "") for s in statements)
-
-
-def _headline(found: CampaignCharacteristics) -> str:
-    """Return the headline: number of cycles, rig, and number of open findings. Recordings have no rig."""
-    is_campaign, made = found.name != found.identity.name, f"on {found.identity.name}"
-    count = plural(len(found.cycles) + len(found.stops), "cycle" if is_campaign else "speed level")
-    if found.synthetic or not is_campaign:
-        made = "on a simulated rig (synthetic)" if found.synthetic else "of recordings"
-    lost = f"; {plural(len(found.skipped), 'cycle')} could not be used" if found.skipped else ""
-    missing = sum(not s.carried for s in found.statements)
-    rest = f" {plural(missing, 'question is', 'questions are')} not answered by these data." if missing else ""
-    return f"{f'{found.name}: ' if is_campaign else ''}{count} {made}{lost}.{rest}"
 
 
 def _values(found: CampaignCharacteristics) -> Iterator[ShownValue]:
@@ -162,39 +155,37 @@ def curves(topic: Topic, found: CampaignCharacteristics) -> Blocks:
     both = [c for c in found.curves if c.direction == BOTH]
     if not both:
         return
-    ambient, text = found.identity.ambient_pressure_pa, topic.say()
+    named, text = condition_names(found), topic.say()
     shown = spread_evenly(both, MOST_CURVES)
     if len(shown) < len(both):
         text += topic.say("fewer", shown=len(shown), all=len(both))
     if any(c.contains_air for c in both):
         text += topic.say("with_air")
     yield Paragraph(text)
-    yield topic.figure("campaign-curves", curve_figure([c.shown(ambient) for c in shown]))
-    named, rows = condition_names(found), []
+    # All curves with their bands in one picture, with a colour for each group if there are several.
+    groups, marks = sorted({c.condition.title for c in shown}), []
+    for index, c in enumerate(shown):
+        color = look(groups.index(c.condition.title) if len(groups) > 1 else index).color
+        own, label = look(index)._replace(color=color), named(c.condition)
+        speed, friction = c.speed_m_s, c.friction_n
+        if speed.size == 1:
+            marks.append(Markers(speed, friction, label, own, c.low_n, c.high_n, 3.6))
+        else:
+            marks += banded(speed, friction, c.low_n, c.high_n, label, own, 1.0)
+            marks.append(Markers(speed[c.measured], friction[c.measured], look=own, size=3.6))
+        if c.excluded.height:
+            excluded = c.excluded.select("speed_m_s", "friction_n").to_numpy().T
+            marks.append(Markers(*excluded, look=own._replace(marker="x")))
+    force = "seal and air" if shown[0].contains_air else "friction"
+    figure = Figure([Panel(marks)], SPEED, f"{force} / N", row_in=3.8, rest_in=0.0, entries=3)
+    yield topic.figure("campaign-curves", figure)
+    rows = []
     for c in both[:MOST_CURVES]:
         for i in spread_evenly(np.flatnonzero(c.measured).tolist(), SHOWN_SPEEDS):
             friction = with_u(float(c.friction_n[i]), float(c.high_n[i] - c.low_n[i]) / 2.0, "")
             uncertainties = c.stderr_n[i], c.u_systematic_n[i]
             rows.append((named(c.condition), MM * c.speed_m_s[i], friction, *uncertainties, c.cycles[i]))
     yield topic.table(rows)
-
-
-def curve_figure(shown: Sequence[ShownCurve]) -> Figure:
-    """Draw curves with bands in one picture, with a colour for each group if there are several."""
-    groups, marks = sorted({c.group for c in shown}), []
-    for index, c in enumerate(shown):
-        own = look(index)._replace(color=look(groups.index(c.group) if len(groups) > 1 else index).color)
-        low, high = (c.y, c.y) if c.band is None else c.band
-        if c.x.size == 1:
-            marks.append(Markers(c.x, c.y, c.label, own, low, high, 3.6))
-        else:
-            marks += banded(c.x, c.y, low, high, c.label, own, 1.0)
-            marks.append(Markers(c.x[c.measured], c.y[c.measured], look=own, size=3.6))
-        if c.excluded and c.excluded[0].size:
-            marks.append(Markers(*c.excluded, look=own._replace(marker="x")))
-    (_, x_unit), (_, unit) = shown[0].units
-    x = Axis(f"{shown[0].x_quantity} / ({x_unit})", "wide")
-    return Figure([Panel(marks)], x, f"{shown[0].quantity} / {unit}", row_in=3.8, rest_in=0.0, entries=3)
 
 
 def air(topic: Topic, found: CampaignCharacteristics) -> Blocks:
@@ -258,15 +249,10 @@ def drift(topic: Topic, found: CampaignCharacteristics) -> Blocks:
         return
     basis = topic.texts["told"].get(d.basis)
     yield Paragraph(topic.say(told=basis or topic.say("untold")) + (topic.say("model") if basis else ""))
-    if basis and d.time_s.size > 2 and np.isfinite(d.drift_n).any():
-        yield topic.figure("campaign-drift", drift_figure(found))
-
-
-def drift_figure(found: CampaignCharacteristics) -> Figure:
-    """Draw drift over time with the sentinels; below, the zero of the sensor if it was measured several times."""
-    d, zero = found.drift, found.zero
-    assert d is not None
-    order = np.argsort(d.time_s)
+    if not basis or d.time_s.size <= 2 or not np.isfinite(d.drift_n).any():
+        return
+    # Drift over time with the sentinels; below, the zero of the sensor if it was measured several times.
+    order, zero = np.argsort(d.time_s), found.zero
     time, middle, low, high = (v[order] for v in (d.time_s, d.drift_n, d.low_n, d.high_n))
     marks = [Band(time, low, high), Rule(y=0.0), Line(time, middle, "drift of the mixed model", Look("blue"))]
     if d.sentinel_n.size:
@@ -278,7 +264,8 @@ def drift_figure(found: CampaignCharacteristics) -> Figure:
         points = Markers(zero.time_s, zero.zero_n, "", Look("black", "-", "s"), low, high)
         panels.append(Panel([points], y="sensor zero / N"))
     height, heights = (3.8, (2, 1)) if len(panels) > 1 else (2.6, ())
-    return stack(panels, height, heights, Axis("time / h", below=0.02, above=0.02))
+    figure = stack(panels, height, heights, Axis("time / h", below=0.02, above=0.02))
+    yield topic.figure("campaign-drift", figure)
 
 
 def loops(topic: Topic, found: CampaignCharacteristics) -> Blocks:
@@ -303,7 +290,7 @@ def stick_slip(topic: Topic, found: CampaignCharacteristics) -> Blocks:
     if not found.stick_slip:
         return
     named, marks = condition_names(found), []
-    conditions = spread_evenly(dict.fromkeys(p.condition for p in found.stick_slip), MOST_CONDITIONS)
+    conditions = spread_evenly(dict.fromkeys(p.condition for p in found.stick_slip), MOST_CURVES)
     for index, condition in enumerate(conditions):
         points = sorted((p for p in found.stick_slip if p.condition == condition), key=lambda p: p.speed_m_s)
         speed, ripple, slips = (np.array([getattr(p, n) for p in points]) for n in ("speed_m_s", "ripple", "share"))
@@ -317,12 +304,10 @@ def stick_slip(topic: Topic, found: CampaignCharacteristics) -> Blocks:
 
 # --- stops -----------------------------------------------------------------------------------------------------------
 
-MOST_TRACES = 3
-MOST_SERIES = MOST_SHOWN = 4
+MOST_SHOWN = 4  # series of stops, and conditions of one series
 #: Displayed time before and after a restart, in units of the time from restart to peak.
 BEFORE, AFTER = 1.5, 20.0
 SHORTEST_S = 1e-3
-APPROACH = 0.7  # share of the approach that is drawn at most
 SHAPES = {"t0": "t0", "tau": "τ", "gamma": "γ", "m": "m"}
 
 
@@ -332,7 +317,7 @@ def stops(topic: Topic, found: CampaignCharacteristics) -> Blocks:
         return
     yield topic.text(stops=plural(len(found.stops), "stop"))
     yield topic.figure("campaign-stop-traces", traces(found))
-    series = [s for s in found.dwell if s.curve is not None][:MOST_SERIES]
+    series = [s for s in found.dwell if s.curve is not None][:MOST_SHOWN]
     if series:
         yield topic.figure("campaign-dwell", figure_of("dwell", [_increments(found, s) for s in series]))
     yield from (topic.table(_laws(s), "laws", series=s.name, reference_s=s.reference_s) for s in series if s.laws)
@@ -347,40 +332,32 @@ def traces(found: CampaignCharacteristics) -> Figure:
     """Draw a short, a middle and a long stop, and their restarts in detail."""
     usable, named = found.stops.filter("usable"), condition_names(found)
     rows = (usable if len(usable) else found.stops).sort("dwell_s", maintain_order=True)
-    chosen = rows[spread_evenly(range(len(rows)), MOST_TRACES)]
+    chosen = rows[spread_evenly(range(len(rows)), 3)]
     panels = []
-    for row, condition in zip(chosen.iter_rows(named=True), conditions_of(chosen), strict=True):
-        trace = {name: np.array(row[f"trace_{name}"]) for name in ("time_s", "friction_n")}
-        stop = SimpleNamespace(**row | trace)
-        panels += _stop_panels(stop, named(condition))
+    for stop, condition in zip(chosen.iter_rows(named=True), conditions_of(chosen), strict=True):
+        time, friction = (np.array(stop[f"trace_{name}"]) for name in ("time_s", "friction_n"))
+        dwell_s, loading_s, speed_m_s = (stop[name] for name in ("dwell_s", "loading_s", "speed_m_s"))
+        held, way = "released" if stop["released"] else "held", "+x" if stop["direction"] > 0 else "−x"
+        title = f"{stop['stop_s']:g} s {held}, restart {way} at {MM * speed_m_s:.3g} mm/s, {named(condition)}"
+        reach = max(dwell_s, 3 * loading_s, SHORTEST_S)
+        # At most 70 % of the approach: its start may still show the reversal.
+        low, high = max(0.7 * time[0], -0.35 * reach), min(time[-1], 1.6 * reach + AFTER * loading_s)
+        begin, end = (factor * max(loading_s, SHORTEST_S) for factor in (-BEFORE, AFTER))
+        running = Rule(y=stop["running_n"], look=Look("blue", "--"), width=0.9)
+        course = [Rule((0.0, dwell_s)), Line(time, friction, width=0.7), running]
+        x, y = Axis("time since rest / s", low=low, high=high), _force(time, friction, low, high, "friction / N")
+        panels.append(Panel(course, title, x, y))
+        raw = Markers(time - dwell_s, friction, look=Look("black", "-", "."), size=1.8)
+        peak = Markers([loading_s], [stop["breakaway_n"]], look=Look("orange"), size=7.0)
+        x = Axis("time since restart / ms", low=begin, high=end)
+        y = _force(time, friction, dwell_s + begin, dwell_s + end)
+        panels.append(Panel([peak, raw, running], "", x, y))
     return figure_of("stops", panels)
 
 
-RUNNING = Look("blue", "--")
-
-
-def _stop_panels(stop: SimpleNamespace, condition: str) -> tuple[Panel, Panel]:
-    """Draw a stop as a whole, and its restart in detail."""
-    time, shown = stop.time_s, max(stop.loading_s, SHORTEST_S)
-    held = "released" if stop.released else "held"
-    way = "+x" if stop.direction > 0 else "−x"
-    title = f"{stop.stop_s:g} s {held}, restart {way} at {MM * stop.speed_m_s:.3g} mm/s, {condition}"
-    reach = max(stop.dwell_s, 3 * stop.loading_s, SHORTEST_S)
-    # The start of the approach may still show the reversal.
-    low, high = max(APPROACH * time[0], -0.35 * reach), min(time[-1], 1.6 * reach + AFTER * stop.loading_s)
-    begin, end = -BEFORE * shown, AFTER * shown
-    running = Rule(y=stop.running_n, look=RUNNING, width=0.9)
-    raw = Markers(time - stop.dwell_s, stop.friction_n, look=Look("black", "-", "."), size=1.8)
-    peak = Markers([stop.loading_s], [stop.breakaway_n], look=Look("orange"), size=7.0)
-    course = [Rule((0.0, stop.dwell_s)), Line(time, stop.friction_n, width=0.7), running]
-    x, restart = Axis("time since rest / s", low=low, high=high), Axis("time since restart / ms", low=begin, high=end)
-    y = _force(stop, stop.dwell_s + begin, stop.dwell_s + end, "")
-    return Panel(course, title, x, _force(stop, low, high, "friction / N")), Panel([peak, raw, running], "", restart, y)
-
-
-def _force(stop: SimpleNamespace, begin_s: float, end_s: float, label: str) -> Axis:
+def _force(time_s: Array, friction_n: Array, begin_s: float, end_s: float, label: str = "") -> Axis:
     """Return an axis with the forces of a span of time."""
-    inside = stop.friction_n[(stop.time_s >= begin_s) & (stop.time_s <= end_s)]
+    inside = friction_n[(time_s >= begin_s) & (time_s <= end_s)]
     if not inside.size or np.ptp(inside) <= 0:
         return Axis(label)
     margin = 0.08 * float(np.ptp(inside))
@@ -471,14 +448,12 @@ def run(topic: Topic, found: CampaignCharacteristics) -> Blocks:
     rows = ((name, form.format(found=found, rig=rig, **values)) for name, form in topic.texts["about"].items())
     yield topic.table(rows, "facts")
     channels = dict.fromkeys([*rig.accuracy, *rig.limits, *rig.resolution, *rig.calibration])
-    yield topic.table(map(partial(_sensor, rig), channels or ["all channels"]), "sensors")
-
-
-def _sensor(rig: Identity, channel: str) -> tuple[str, str, str, str]:
-    """Return channel, range, standard uncertainty and calibration of a sensor."""
-    limits = "{:g} … {:g}".format(*rig.limits[channel]) if channel in rig.limits else "not stated"
-    accuracy = f"{rig.accuracy[channel]:.3g}" if channel in rig.accuracy else "not stated: assumed"
-    return channel, limits, accuracy, rig.calibration.get(channel, "not stated")
+    sensors = []  # channel, range, standard uncertainty and calibration of each
+    for channel in channels or ["all channels"]:
+        limits = "{:g} … {:g}".format(*rig.limits[channel]) if channel in rig.limits else "not stated"
+        accuracy = f"{rig.accuracy[channel]:.3g}" if channel in rig.accuracy else "not stated: assumed"
+        sensors.append((channel, limits, accuracy, rig.calibration.get(channel, "not stated")))
+    yield topic.table(sensors, "sensors")
 
 
 def flags(topic: Topic, found: CampaignCharacteristics) -> Blocks:
@@ -572,31 +547,27 @@ def write_comparison_report(comparison: Comparison, folder: str | Path) -> Path:
 def comparison_view(c: Comparison) -> View:
     """Return the view of a comparison: a row for each test, and the figures of both campaigns."""
     times = Counter(test.what for test in c.tests)
-    rows = [(_of_test(test, repeated=times[test.what] > 1), test) for test in c.tests]
-    values = tuple(value for of_test, _ in rows for value in of_test)
-    sizes = [of_test[0] for of_test, test in rows if test.different and test.difference is not None]
+    values, leading = [], []
+    for test in c.tests:
+        # If several series of stops have the same test, the note of the series is added to its name.
+        name = f"{test.what}, {test.note}" if times[test.what] > 1 else test.what
+        if (e := test.difference) is not None:
+            size = ShownValue(name, name, "second minus first", e.value, e.unit, (e.low, e.high))
+            values.append(size)
+            leading += [replace(size, quantity=f"{name}:")] if test.different else []
+        differs = "yes" if test.different else "not shown"
+        texts = {"p": page.chance(test.p), "p corrected": page.chance(test.adjusted_p), "different": differs}
+        values += [ShownValue(f"{name}, {quantity}", name, quantity, text) for quantity, text in texts.items()]
     findings = findings_of(c.statements)
     return View(
         title=f"{c.second.name} minus {c.first.name}: {c}",
-        rows=values,
+        rows=tuple(values),
         state=worst(findings),
-        leading=tuple(replace(v, quantity=f"{v.label}:") for v in sizes[:MOST_LEADING]),
+        leading=tuple(leading[:MOST_LEADING]),
         findings=findings,
         notes=[page.sentence(f"{test.what}: {test.note}") for test in c.tests],
         figures=shown_figures(page.sections_of("comparison", COMPARED, c)),
     )
-
-
-def _of_test(test: Test, *, repeated: bool) -> list[ShownValue]:
-    """Return the difference of a test with its interval and p-values, and whether the difference is significant.
-
-    If several series of stops have the same test, the note of the series is added to its name.
-    """
-    name, e = f"{test.what}, {test.note}" if repeated else test.what, test.difference
-    differs = "yes" if test.different else "not shown"
-    texts = {"p": page.chance(test.p), "p corrected": page.chance(test.adjusted_p), "different": differs}
-    size = [] if e is None else [ShownValue(name, name, "second minus first", e.value, e.unit, (e.low, e.high))]
-    return [*size, *(ShownValue(f"{name}, {quantity}", name, quantity, text) for quantity, text in texts.items())]
 
 
 def _comparable(topic: Topic, c: Comparison) -> Blocks:
@@ -613,26 +584,15 @@ def _labels(found: CampaignCharacteristics) -> str:
 
 
 def _common_curves(topic: Topic, c: Comparison) -> Blocks:
+    """Show the curves of both campaigns above their differences, a column for each pair of pressures."""
     curves = c.curves
     if curves is None:
         return
     first, second = (int(curves.cycles.filter(campaign=k)["count"].sum()) for k in (0, 1))
-    rows = curves.points.head(MOST_ROWS).to_dicts()
+    rows, mean_n = curves.points.head(MOST_ROWS).to_dicts(), curves.friction_n.mean(axis=0)
     for i, row in enumerate(rows):
         row["pressures"] = Condition(row["gauge_a_pa"], row["gauge_b_pa"], row["title"]).label(0.0)
-        row["difference"] = with_interval(curves.difference[i], _mean_n(curves, i), "N")
-    points = plural(curves.points.height, "point")
-    yield topic.text(points=points, first=plural(first, "cycle"), second=second)
-    yield topic.figure("compare-curves", compared_curves(c, curves), first=c.first.name, second=c.second.name)
-    yield topic.table(rows)
-
-
-def _mean_n(curves: CurveComparison, point: int) -> float:
-    return float(curves.friction_n[:, point].mean())
-
-
-def compared_curves(c: Comparison, curves: CurveComparison) -> Figure:
-    """Draw curves of both campaigns above their differences, a column for each pair of pressures."""
+        row["difference"] = with_interval(curves.difference[i], float(mean_n[i]), "N")
     gauges, speed = curves.points.select("gauge_a_pa", "gauge_b_pa").to_numpy(), curves.points["speed_m_s"]
     groups: dict[tuple, list[int]] = {}
     for i, at in enumerate(zip(*gauges.round(-2).T, curves.points["title"], strict=True)):
@@ -641,8 +601,18 @@ def compared_curves(c: Comparison, curves: CurveComparison) -> Figure:
     for at, members in spread_evenly(groups.items(), MOST_PAIRS):
         chosen = sorted(members, key=lambda i: speed[i])
         above.append(Panel(_both(c, curves, chosen), Condition(*at).label(0.0), y="friction / N"))
-        below.append(Panel(_differences(curves, chosen), y="second minus first / N"))
-    return figure_of("both-curves", [*above, *below], columns=len(above))
+        marks: list[Any] = [Rule(y=0.0, look=Look("black"))]
+        for i in chosen:
+            differs = curves.points["corrected_p"][i] < CHANCE  # then the marker is filled
+            own = Look("orange" if differs else "grey", "-", "D")
+            value, low, high = ends([curves.difference[i]], float(mean_n[i]))
+            marks.append(Markers([speed[i]], value, "", own, low, high, filled=differs))
+        below.append(Panel(marks, y="second minus first / N"))
+    figure = figure_of("both-curves", [*above, *below], columns=len(above))
+    points = plural(curves.points.height, "point")
+    yield topic.text(points=points, first=plural(first, "cycle"), second=second)
+    yield topic.figure("compare-curves", figure, first=c.first.name, second=c.second.name)
+    yield topic.table(rows)
 
 
 def _both(c: Comparison, curves: CurveComparison, chosen: list[int]) -> list[Any]:
@@ -660,17 +630,6 @@ def _both(c: Comparison, curves: CurveComparison, chosen: list[int]) -> list[Any
     return marks
 
 
-def _differences(curves: CurveComparison, chosen: list[int]) -> list[Any]:
-    """Draw differences with their intervals. Markers of significant differences are filled."""
-    marks: list[Any] = [Rule(y=0.0, look=MEASURED)]
-    for i in chosen:
-        differs = curves.points["corrected_p"][i] < CHANCE
-        own = Look("orange" if differs else "grey", "-", "D")
-        value, low, high = ends([curves.difference[i]], _mean_n(curves, i))
-        marks.append(Markers([curves.points["speed_m_s"][i]], value, "", own, low, high, filled=differs))
-    return marks
-
-
 def _dwell(topic: Topic, c: Comparison) -> Blocks:
     names = c.first.name, c.second.name
     rows = (
@@ -678,10 +637,19 @@ def _dwell(topic: Topic, c: Comparison) -> Blocks:
         for pair in c.dwell
         for name, s in zip(names, pair, strict=True)
     )
-    panels = [
-        Panel([m for k, s in enumerate(pair) for m in _series(s, k, f"{names[k]} ({ORDINALS[k]})")], pair[0].name)
-        for pair in list(c.dwell)[:MOST_PAIRS]
-    ]
+    panels = []
+    for pair in list(c.dwell)[:MOST_PAIRS]:
+        marks: list[Any] = []
+        for k, s in enumerate(pair):
+            assert s.curve is not None
+            # Breakaway over duration of this campaign: the mean of its conditions.
+            conditions, log_s = len(s.conditions), np.log10(s.duration_s)
+            weights = np.kron(np.full((1, conditions), 1.0 / conditions), np.eye(log_s.size))
+            mean, low, high = ends(s.curve.values(log_s).combine(weights.astype(float)).estimates())
+            marks += banded(s.duration_s, mean, low, high, f"{names[k]} ({ORDINALS[k]})", look(k))
+            durations = s.stops["dwell_s"].to_numpy() * (1.0 + 0.05 * k)
+            marks.append(Markers(durations, s.stops["increment_n"].to_numpy(), look=look(k), size=3.0))
+        panels.append(Panel(marks, pair[0].name))
     if panels:
         yield topic.figure("compare-dwell", figure_of("both-dwell", panels), first=names[0], second=names[1])
         yield topic.table(rows)
@@ -689,14 +657,3 @@ def _dwell(topic: Topic, c: Comparison) -> Blocks:
 
 #: Parts of a comparison with figures by the key of their section.
 COMPARED = {"curves": _common_curves, "dwell": _dwell}
-
-
-def _series(series: DwellSeries, k: int, label: str) -> list[Any]:
-    """Draw a campaign's curve of breakaway over duration: the mean of its conditions."""
-    assert series.curve is not None
-    conditions, log_s = len(series.conditions), np.log10(series.duration_s)
-    rows = np.kron(np.full((1, conditions), 1.0 / conditions), np.eye(log_s.size))
-    mean, low, high = ends(series.curve.values(log_s).combine(rows.astype(float)).estimates())
-    durations = series.stops["dwell_s"].to_numpy() * (1.0 + 0.05 * k)
-    points = Markers(durations, series.stops["increment_n"].to_numpy(), look=look(k), size=3.0)
-    return [*banded(series.duration_s, mean, low, high, label, look(k)), points]

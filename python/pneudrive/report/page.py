@@ -339,20 +339,17 @@ def figure_of(layout: str, panels: Sequence[Panel | None], **more: Any) -> Figur
 
 def sketch(name: str, there: Collection[str] = (), **values: object) -> Figure:
     """Return a sketch of ``sketches.toml`` with values in its texts and the optional parts that are present."""
-    table = package_table(__file__, "sketches.toml")[name]
-    strokes = [_stroke(one, values) for one in table["strokes"] if one.get("when", "") in ("", *there)]
+    table, strokes = package_table(__file__, "sketches.toml")[name], []
+    for stroke in (stroke for stroke in table["strokes"] if stroke.get("when", "") in ("", *there)):
+        own = {key: value for key, value in stroke.items() if key not in ("when", "box")}
+        if "box" in stroke:
+            x, y, width, height = stroke["box"]
+            right, top = x + width, y + height
+            own["points"] = [(x, y), (right, y), (right, top), (x, top), (x, y)]
+        strokes.append(PenStroke(**own | {"text": own.get("text", "").format(**values)}))
     drawing = Drawing(strokes, tuple(table["x"]), tuple(table["y"]), equal=table.get("equal", False))
     width_in = table.get("width_in", WIDTH_IN)
     return Figure([Panel([drawing])], row_in=table["height_in"], rest_in=0.0, width_in=width_in)
-
-
-def _stroke(table: Mapping[str, Any], values: Mapping[str, object]) -> PenStroke:
-    own = {key: value for key, value in table.items() if key not in ("when", "box")}
-    if "box" in table:
-        x, y, width, height = table["box"]
-        right, top = x + width, y + height
-        own["points"] = [(x, y), (right, y), (right, top), (x, top), (x, y)]
-    return PenStroke(**own | {"text": own.get("text", "").format(**values)})
 
 
 class Topic:
@@ -450,17 +447,14 @@ def write_pdf(report: Report, target: Path) -> Path:
         root = Path(folder)
         for name, svg in report.pictures.items():
             (root / f"{name}.svg").write_text(svg, encoding="utf-8")
-        (root / "page.typ").write_text(typst_of(report), encoding="utf-8")
+        # Every text is a literal, so that no text acts as markup.
+        filters = {"literal": literal, "breakable": lambda text: re.sub(r"([_./])", "\\1\u200b", literal(text))}
+        source = rendered(TYPST, filters, title=report.title, verdict=report.lines, sections=report.sections)
+        (root / "page.typ").write_text(source, encoding="utf-8")
         fonts = Path(load_matplotlib().get_data_path()) / "fonts" / "ttf"
         with whole(target) as temporary:
             temporary.write_bytes(typst.compile(root / "page.typ", root=root, font_paths=[fonts]))  # type: ignore[arg-type]
     return target
-
-
-def typst_of(report: Report) -> str:
-    """Return the typst source of a report. Every text is a literal, so that no text acts as markup."""
-    filters = {"literal": literal, "breakable": lambda text: re.sub(r"([_./])", "\\1\u200b", literal(text))}
-    return rendered(TYPST, filters, title=report.title, verdict=report.lines, sections=report.sections)
 
 
 def literal(text: str) -> str:
@@ -517,16 +511,6 @@ def write_fit_report(fit: Fit, folder: str | Path) -> Path:
 PACKAGES = ("numpy", "scipy", "xarray", "polars", "matplotlib")
 
 
-def reference(key: str) -> str:
-    """Return an entry of references.bib as one line."""
-    found = re.findall(r"(\w+)\s*=\s*[{\"](.*?)[}\"],?\s*(?:\n|$)", entries()[key])
-    fields = {name.lower(): _from_tex(value) for name, value in found}
-    where = fields.get("journal") or fields.get("publisher") or fields.get("institution") or fields.get("school")
-    number = fields.get("number") if "institution" in fields else None
-    parts = (fields.get("author"), fields.get("title"), where, number, fields.get("year"), fields.get("note"))
-    return f"[{key}] " + ". ".join(p.rstrip(".") for p in parts if p) + "."
-
-
 def software() -> list[tuple[str, str]]:
     """Return the versions of pneudrive, of Python, and of the packages that compute and draw."""
     own = ("pneudrive", __version__), ("Python", platform.python_version())
@@ -535,7 +519,15 @@ def software() -> list[tuple[str, str]]:
 
 def references(keys: Iterable[str]) -> tuple[str, ...]:
     """Return entries of references.bib, one line each. Unknown keys are left out."""
-    return tuple(reference(key) for key in keys if key in entries())
+    lines = []
+    for key in (key for key in keys if key in entries()):
+        found = re.findall(r"(\w+)\s*=\s*[{\"](.*?)[}\"],?\s*(?:\n|$)", entries()[key])
+        fields = {name.lower(): _from_tex(value) for name, value in found}
+        where = fields.get("journal") or fields.get("publisher") or fields.get("institution") or fields.get("school")
+        number = fields.get("number") if "institution" in fields else None
+        parts = (fields.get("author"), fields.get("title"), where, number, fields.get("year"), fields.get("note"))
+        lines.append(f"[{key}] " + ". ".join(p.rstrip(".") for p in parts if p) + ".")
+    return tuple(lines)
 
 
 _ACCENTS = {'"': "\u0308", "'": "\u0301"}  # of TeX -> combining signs

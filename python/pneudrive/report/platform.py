@@ -126,35 +126,23 @@ def platform_scene(platform: Platform, poses: ArrayLike) -> PlatformScene:
     scale = (WIDTH - 2.0 * MARGIN) / max(across, 0.8 * up, 1e-9)
     width, height = (high - low) * scale + 2.0 * MARGIN
     *lines, (_, path) = [(what, (points - low) * scale + MARGIN) for what, points in lines]
-    centres = label_places(lines[0][1][0, :-1], np.array([width, height]) / 2.0)
+    # Labels are on the outer side of their joints, where they do not overlap.
+    centres: list[Array] = []
+    for joint in lines[0][1][0, :-1]:
+        outward = joint - np.array([width, height]) / 2.0
+        angles = np.arctan2(outward[1], outward[0]) + ANGLES
+        turned = np.column_stack([np.cos(angles), np.sin(angles)])
+        tried = [joint + distance * direction for distance in DISTANCES for direction in turned]
+        free = (at for at in tried if all(np.max(np.abs(at - other) / [0.8, 1.1]) > FONT for other in centres))
+        centres.append(next(free, tried[0]))
     labels = [(str(i), centre) for i, centre in enumerate(centres, start=1)]
     return PlatformScene((float(width), float(height)), lines, labels, path[:, 0])
 
 
-def label_places(joints: Array, middle: Array) -> list[Array]:
-    """Return the centres of joint labels in px, so that labels do not overlap.
-
-    Parameters
-    ----------
-    joints : ndarray, shape (n, 2)
-    middle : ndarray, shape (2,)
-        Centre of the picture; labels are on the outer side of their joints.
-    """
-    out: list[Array] = []
-    for joint in joints:
-        outward = joint - middle
-        angles = np.arctan2(outward[1], outward[0]) + ANGLES
-        turned = np.column_stack([np.cos(angles), np.sin(angles)])
-        tried = [joint + distance * direction for distance in DISTANCES for direction in turned]
-        free = (place for place in tried if all(np.max(np.abs(place - other) / [0.8, 1.1]) > FONT for other in out))
-        out.append(next(free, tried[0]))
-    return out
-
-
 # --- A platform on legs as a picture, as an animation of a run, and as a page of a run with its curves.
 
-#: Pixels per inch of a scene, and dots per inch of an animation.
-PX_IN, FILM_DPI = 100.0, 150.0
+#: Pixels per inch of a scene.
+PX_IN = 100.0
 #: Colours of a GIF: two inks, and their mixtures with the paper.
 COLOURS = 64
 #: Frames per second. Delays of a GIF are multiples of 10 ms.
@@ -242,7 +230,7 @@ def animate_platform(
 
     pictures = (_paper(scene, k, (6.0, 16.0, f"{t:.3f} s, simulated")) for k, t in enumerate(moments))
     with applied(dark=dark), whole(target) as temporary:
-        frames = film(pictures, FILM_DPI)
+        frames = film(pictures)
         if program is not None and suffix == ".mp4":
             _write_film(program, frames, temporary)
         else:

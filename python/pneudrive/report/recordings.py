@@ -8,7 +8,7 @@ from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from textwrap import fill
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING
 
 import numpy as np
 import polars as pl
@@ -48,24 +48,19 @@ if TYPE_CHECKING:
     from pneudrive.arrays import Array
     from pneudrive.friction.campaign.result import CampaignCharacteristics
     from pneudrive.friction.characterisation import Characterisation
-    from pneudrive.friction.level import Level, RecordingResult
-    from pneudrive.friction.stick_slip import StickSlip
     from pneudrive.report.page import Blocks, Fits
     from pneudrive.signals.proposal import Proposal
 
 #: Parts common to recordings and campaigns.
 CURVES = {key: campaign.FIGURED[key] for key in ("curves", "pressure", "position", "stick-slip")}
 CURVES |= {"statements": campaign.statements, "budget": campaign.budget}
-PRESSURE = Axis("gauge pressure / bar")
 
 
 # --- Figures of a recording and its rig, and of how a proposed layout reads a foreign file.
 
-SHOWN_STROKES = 6
 MOST_LOOPS = 200  # over position: more thin lines cannot be told apart
 FIRST_SAMPLES = 4000
 LAYOUT_IN = 9.0
-TITLE_WIDTH = 95  # characters over one panel
 
 
 def write_layout_figure(proposal: Proposal, path: str | Path) -> Path:
@@ -88,27 +83,22 @@ def write_layout_figure(proposal: Proposal, path: str | Path) -> Path:
     CommandError
         The picture cannot be written.
     """
-    if proposal.recording is None:
-        figure = _columns(proposal)
-    else:
+    understood = f"as understood, {len(proposal.strokes)} strokes found"
+    if proposal.recording is not None:
         notes = {guess.role: f"column {guess.column!r}: {guess.reason}" for guess in proposal.guesses}
-        title = f"{proposal.path.name}: as understood, {len(proposal.strokes)} strokes found"
+        title = f"{proposal.path.name}: {understood}"
         figure = record_figure(proposal.recording, proposal.strokes, notes, title)
+    else:  # the raw columns, which do not form a recording
+        roles, panels = {guess.index: guess for guess in proposal.guesses}, []
+        for index, values in enumerate(proposal.columns[:8]):
+            part, guess = values[:FIRST_SAMPLES], roles.get(index)
+            name = proposal.reading.names[index] if proposal.reading.names else f"column {index}"
+            label = name if guess is None else f"{name}\n{guess.role}\n({guess.unit})"
+            panels.append(Panel([Line(range(len(part)), part, width=0.7)], y=Axis(label, is_si=False)))
+        title = f"{proposal.path.name}: {proposal.problem or understood}"
+        figure = stack(panels, 5.4, x="row", title=title, width_in=LAYOUT_IN)
     draw_figure(figure, path)
     return Path(path)
-
-
-def _columns(proposal: Proposal) -> Figure:
-    """Draw the raw columns if they do not form a recording."""
-    shown = proposal.columns[:8]
-    roles, panels = {guess.index: guess for guess in proposal.guesses}, []
-    for index, values in enumerate(shown):
-        part, guess = values[:FIRST_SAMPLES], roles.get(index)
-        name = proposal.reading.names[index] if proposal.reading.names else f"column {index}"
-        label = name if guess is None else f"{name}\n{guess.role}\n({guess.unit})"
-        panels.append(Panel([Line(range(len(part)), part, width=0.7)], y=Axis(label, is_si=False)))
-    text = proposal.problem or f"as understood, {len(proposal.strokes)} strokes found"
-    return stack(panels, 5.4, x="row", title=f"{proposal.path.name}: {text}", width_in=LAYOUT_IN)
 
 
 def record_figure(
@@ -124,7 +114,7 @@ def record_figure(
         Channel -> title of its panel. With notes, the first strokes are drawn, otherwise all samples of all channels.
     title : str
     """
-    first = strokes[:SHOWN_STROKES] if notes else strokes
+    first = strokes[:6] if notes else strokes
     stop = first[-1].stop if first else FIRST_SAMPLES
     part = slice(0, stop, thin(recording.time_s[:stop]).step) if notes else thin(recording.time_s)
     channels = [("position", recording.position_m, "position / mm")]
@@ -140,7 +130,7 @@ def record_figure(
         if notes or s.direction > 0
     ]
     for role, values, label in channels:
-        note = fill((notes or {}).get(role, ""), TITLE_WIDTH)
+        note = fill((notes or {}).get(role, ""), 95)
         panels.append(Panel([*spans, Line(time[part], values[part], width=0.8)], note, y=label))
     loops = [
         Line(
@@ -161,16 +151,6 @@ def is_open(recording: Recording, side: str) -> bool:
     """Return whether a chamber was open to ambient, so that its pressure equals ambient pressure exactly."""
     values = getattr(recording, f"pressure_{side}_pa")
     return bool(np.ptp(values) == 0 and abs(values[0] - recording.ambient_pressure_pa) < 1.0)
-
-
-def recorded_rig(recording: Recording) -> Figure:
-    """Draw cylinder, piston, force sensor, and the servo axis or hand, with the signs."""
-    incline = recording.incline_rad
-    states = {}
-    for side in "ab":
-        stated = "stated" if np.ptp(getattr(recording, f"pressure_{side}_pa")) == 0 else "measured"
-        states[side] = "open to ambient" if is_open(recording, side) else f"p_{side} {stated}"
-    return page.sketch("recording", ["inclined"] if incline else [], **states, incline=np.degrees(incline))
 
 
 # --- The view of one recording.
@@ -202,9 +182,8 @@ def recording_view(recording: Recording) -> View:
 
 # --- The view of a friction map: friction over speed.
 
-MOST_PANELS, MOST_CURVES = 9, 8  # of a figure, of one assembly
+MOST_PANELS, MOST_CURVES = 9, 8  # of a figure or section, of one panel
 MANY = 60  # points beyond which markers get smaller
-STRIBECK = "stribeck"
 DETERMINED = "Determined parameters of a Stribeck curve (± half of the 95 % interval); `pneudrive fit` compares laws"
 UNDETERMINED = "Values that these data cannot determine"
 
@@ -258,12 +237,12 @@ def _ends(table: xr.Dataset) -> Iterator[ShownValue]:
 
 def richest(by_law: Mapping[str, FrictionFit]) -> FrictionFit:
     """Return the fit of the law with the most parameters."""
-    return by_law.get(STRIBECK) or next(iter(by_law.values()))
+    return by_law.get("stribeck") or next(iter(by_law.values()))
 
 
 def _speed_law(by_law: Mapping[str, FrictionFit]) -> FrictionFit | None:
     """Return the fit of friction over speed; None if the data do not determine the dependence on speed."""
-    fit = by_law.get(STRIBECK)
+    fit = by_law.get("stribeck")
     return fit if fit is not None and "stribeck_velocity" in fit.determined else None
 
 
@@ -376,7 +355,7 @@ def characterisation_view(found: Characterisation, fits: Fits | None = None) -> 
         cells = ((seal, p / 1e5, *rest) for seal, p, *rest in spread.cells)
         tables.append(topic.table(cells, "cells"))
     if found.closures:
-        shown = spread_evenly(found.closures, MOST_GROUPS)
+        shown = spread_evenly(found.closures, MOST_CURVES)
         text = topic.say("one_chamber" if _is_one_chamber(shown) else "both_chambers")
         text = topic.say("with_residuals", said=text) if any(fit.degrees_of_freedom > 0 for fit in shown) else text
         figures.append(topic.figure("closure", closures(shown), said=text))
@@ -434,35 +413,35 @@ def _effects(found: Characterisation) -> Iterator[ShownValue]:
 
 
 def _loops(topic: Topic, found: Characterisation) -> Iterator[ShownFigure]:
-    """Yield the force balance over position: one figure for each seal, with a panel for each level."""
+    """Yield the force balance over position: one figure for each seal, with a panel for each level.
+
+    A panel has both directions, half their difference and half their sum, and thin lines for single strokes.
+    """
     groups = by_seal(found)
     for seal, results in groups.items():
         levels = [level for result in results for level in result.levels]
         shown = spread_evenly(levels, max(MOST_SHOWN // len(groups), 2 * COLUMNS))
         some = topic.say("some", shown=len(shown), all=len(levels)) if len(shown) < len(levels) else ""
-        figure = figure_of("friction-loops", list(map(_loop, shown)))
+        panels = []
+        for level in shown:
+            x, p = level.profile.position_m, level.profile
+            strokes = [*spread_evenly(p.up_strokes_n, MOST_STROKES), *spread_evenly(p.down_strokes_n, MOST_STROKES)]
+            marks = [
+                Rule(level.window_m),
+                *(Line(x, values, look=THIN, width=0.3) for values in strokes),
+                Rule(y=0.0),
+                Line(x, p.up_n, "towards +x", Look("blue")),
+                Line(x, p.down_n, "towards −x", Look("blue", "--")),
+                Line(x, p.friction_n, "friction (half difference)", figures.MEASURED, 1.8),
+                Line(x, p.offset_n, "offset (half sum)", Look("orange", ":"), 1.8),
+            ]
+            pressure, speed = fixed(gauge_bar(level), 1), 1e3 * level.speed_m_s
+            panels.append(Panel(marks, f"{fill(level.recording, NAME_LETTERS)}\n{pressure} bar, {speed:.3g} mm/s"))
         name = re.sub(r"[^A-Za-z0-9]+", "-", seal).strip("-").lower() or "seal"
-        yield replace(topic.figure("loops", figure, seal=seal, some=some), name=f"loops-{name}")
+        figure = topic.figure("loops", figure_of("friction-loops", panels), seal=seal, some=some)
+        yield replace(figure, name=f"loops-{name}")
 
 
-def _loop(level: Level) -> Panel:
-    """Draw both directions, half their difference and half their sum, with the strokes of each direction."""
-    p = level.profile
-    drawn = [*spread_evenly(p.up_strokes_n, MOST_STROKES), *spread_evenly(p.down_strokes_n, MOST_STROKES)]
-    every = [Line(p.position_m, values, look=THIN, width=0.3) for values in drawn]
-    means = (
-        ("towards +x", p.up_n, Look("blue"), None),
-        ("towards −x", p.down_n, Look("blue", "--"), None),
-        ("friction (half difference)", p.friction_n, figures.MEASURED, 1.8),
-        ("offset (half sum)", p.offset_n, Look("orange", ":"), 1.8),
-    )
-    lines = [Line(p.position_m, values, label, own, width) for label, values, own, width in means]
-    pressure, speed = fixed(gauge_bar(level), 1), 1e3 * level.speed_m_s
-    title = f"{fill(level.recording, NAME_LETTERS)}\n{pressure} bar, {speed:.3g} mm/s"
-    return Panel([Rule(level.window_m), *every, Rule(y=0.0), *lines], title)
-
-
-MOST_GROUPS = 8
 MOST_JOINED = 12  # points beyond which residuals are not joined by lines
 
 
@@ -490,7 +469,7 @@ def closures(fits: Sequence[ClosureFit]) -> Figure:
     y = "half sum −\nnominal area × pressure / N" if one_chamber else "half sum of forces / N"
     panels = [Panel(above, y=y, legend="panel")]
     panels += [Panel([Rule(y=0.0), *below], y="residual / N")] if below else []
-    x_axis = PRESSURE if one_chamber else "half sum as fitted / N"
+    x_axis = "gauge pressure / bar" if one_chamber else "half sum as fitted / N"
     height, heights = (4.0, (2, 1)) if below else (2.8, ())
     return stack(panels, height, heights, x_axis)
 
@@ -588,7 +567,15 @@ def stick_slip(topic: Topic, found: Characterisation) -> Blocks:
             text += topic.say("jumps", strokes=plural(len(stuck), "stroke"), percent=max(stuck))
         yield Paragraph(text)
         return
-    over_time, phases = motion_figures([_motion_of_stroke(*item) for item in slipping[:MOST_COLUMNS]])
+    motions = []
+    for result, level, s in slipping[:MOST_COLUMNS]:
+        r = result.recording
+        part = slice(*np.searchsorted(r.time_s, (s.start_s, s.stop_s)))
+        time, position = r.time_s[part], s.direction * r.position_m[part]
+        window = max(int(s.resolution_s / 2 / max(float(np.median(np.diff(time))), 1e-12)) // 2, 1)
+        speed = local_slope(time, position, window)
+        motions.append((level.recording, time - time[0], position, speed, s.mean_speed_m_s))
+    over_time, phases = motion_figures(motions)
     rows = [
         {"level": level, "stroke": s, "ratio": s.peak_speed_m_s / s.mean_speed_m_s if s.mean_speed_m_s > 0 else None}
         for _, level, s in slipping[:MOST_SLIPS]
@@ -599,38 +586,22 @@ def stick_slip(topic: Topic, found: Characterisation) -> Blocks:
     yield topic.figure("stick-slip-recordings-phase", phases)
 
 
-def _motion_of_stroke(result: RecordingResult, level: Level, s: StickSlip) -> MotionPanels:
-    r = result.recording
-    part = slice(*np.searchsorted(r.time_s, (s.start_s, s.stop_s)))
-    time, position = r.time_s[part], s.direction * r.position_m[part]
-    window = max(int(s.resolution_s / 2 / max(float(np.median(np.diff(time))), 1e-12)) // 2, 1)
-    return motion_panels(
-        level.recording, time - time[0], position, local_slope(time, position, window), s.mean_speed_m_s
-    )
+def motion_figures(motions: Sequence[tuple[str, Array, Array, Array, float]]) -> tuple[Figure, Figure]:
+    """Draw motions over time, and in the phase plane: speed over position minus the mean motion. Each has a column.
 
-
-#: Speed over time, position over time, and speed over position minus the mean motion.
-MotionPanels: TypeAlias = tuple[Panel, Panel, Panel]
-
-
-def motion_panels(
-    title: str,
-    time_s: Array,
-    position_m: Array,
-    velocity_m_s: Array,
-    mean_m_s: float,
-) -> MotionPanels:
-    """Draw one motion; its time starts at zero."""
-    part, trend = time_s <= SHOWN_S, np.polynomial.Polynomial.fit(time_s, position_m, 1)(time_s)
-    mean = Rule(y=mean_m_s, label=f"mean {1e3 * mean_m_s:.2f} mm/s", look=figures.MODEL, width=1.0)
-    speed = Panel([Line(time_s[part], velocity_m_s[part], width=0.8), mean], title, y=Axis("speed / (mm/s)", above=0.2))
-    position = Panel([Line(time_s[part], position_m[part], width=1.0)], y="position / mm")
-    return speed, position, Panel([Line(position_m - trend, velocity_m_s, width=0.5), replace(mean, label="")], title)
-
-
-def motion_figures(motions: Sequence[MotionPanels]) -> tuple[Figure, Figure]:
-    """Draw motions over time and in the phase plane, a column for each."""
-    speeds, positions, phases = zip(*motions, strict=True)
+    Parameters
+    ----------
+    motions : sequence of tuple
+        Title, time from zero, position, speed and mean speed of each motion, in SI.
+    """
+    speeds, positions, phases = [], [], []
+    for title, time, position, speed, mean_m_s in motions:
+        part, trend = time <= SHOWN_S, np.polynomial.Polynomial.fit(time, position, 1)(time)
+        mean = Rule(y=mean_m_s, label=f"mean {1e3 * mean_m_s:.2f} mm/s", look=figures.MODEL, width=1.0)
+        above = [Line(time[part], speed[part], width=0.8), mean]
+        speeds.append(Panel(above, title, y=Axis("speed / (mm/s)", above=0.2)))
+        positions.append(Panel([Line(time[part], position[part], width=1.0)], y="position / mm"))
+        phases.append(Panel([Line(position - trend, speed, width=0.5), replace(mean, label="")], title))
     over_time = figure_of("motions", [*speeds, *positions], columns=len(motions))
     return over_time, figure_of("phase-planes", phases, columns=len(motions))
 
@@ -684,28 +655,21 @@ def write_report(
     return recordings_report(found, laws, curves).write(folder)
 
 
-SOURCE_NOTE, MOST_LETTERS = "SOURCE.md", 3000
-
-
 def provenance(topic: Topic, found: Characterisation) -> Blocks:
     """Show whether the data are real, software, and sources of methods."""
     yield topic.text("synthetic" if found.synthetic else "real")
     yield topic.table([*page.software(), ("protocol of the characterisation", found.protocol)])
-    for note in _source_notes(found):
+    # Notes on origin and licence in the folders of the recordings, or one folder above.
+    sources = (Path(recording.source) for recording in found.recordings if recording.source is not None)
+    folders = dict.fromkeys(folder for source in sources for folder in source.parents[:2])
+    for note in (folder / "SOURCE.md" for folder in folders if (folder / "SOURCE.md").is_file()):
         yield topic.text("note", note=f"{note.parent.name}/{note.name}")
         try:
-            text = note.read_text("utf-8", errors="replace")[:MOST_LETTERS].strip()
+            text = note.read_text("utf-8", errors="replace")[:3000].strip()
         except OSError as error:
             text = f"(it cannot be read: {error.strerror})"
         yield Paragraph(text, "code")
     yield from topic.listed(page.references(topic.texts["cites"]), "sources")
-
-
-def _source_notes(found: Characterisation) -> list[Path]:
-    """Return the notes on origin and licence in the folders of the recordings, or one folder above."""
-    sources = (Path(recording.source) for recording in found.recordings if recording.source is not None)
-    folders = dict.fromkeys(folder for source in sources for folder in source.parents[:2])
-    return [folder / SOURCE_NOTE for folder in folders if (folder / SOURCE_NOTE).is_file()]
 
 
 def measured(topic: Topic, found: Characterisation) -> Blocks:
@@ -715,9 +679,23 @@ def measured(topic: Topic, found: Characterisation) -> Blocks:
     counts = {"recordings": plural(len(found.results), "recording"), "seals": plural(len(by_seal(found)), "seal")}
     areas = {"area_a": first.area_a_m2 * 1e4, "area_b": first.area_b_m2 * 1e4}
     yield topic.text(**counts, **used)
-    yield topic.figure("rig", recorded_rig(first), **areas)
+    # Cylinder, piston, force sensor, and the servo axis or hand, with the signs.
+    states = {}
+    for side in "ab":
+        stated = "stated" if np.ptp(getattr(first, f"pressure_{side}_pa")) == 0 else "measured"
+        states[side] = "open to ambient" if is_open(first, side) else f"p_{side} {stated}"
+    incline = first.incline_rad
+    rig = page.sketch("recording", ["inclined"] if incline else [], **states, incline=np.degrees(incline))
+    yield topic.figure("rig", rig, **areas)
     yield Topic("recordings", "recording").table(_sensors(found.recordings), "sensors")
-    yield topic.table(_files(found), "files")
+    files = []
+    for r in (result.recording for result in found.results):
+        where = "/".join(r.source.resolve().parts[-2:]) if r.source else "simulated" if r.synthetic else "from Python"
+        labels = (group_of(r.labels), r.labels.get("run", ""), r.sha256[:16] if r.sha256 else None)
+        use, lasts_s = found.stroke_uses[r.name], r.time_s[-1] - r.time_s[0]
+        diameter = np.sqrt(4 * max(r.area_a_m2, r.area_b_m2) / np.pi) * 1e3
+        files.append((where, *labels, len(r), use.recorded, use.used, use.why or None, lasts_s, diameter))
+    yield topic.table(files, "files")
     yield from topic.listed(topic.say("left_out", name=name, why=why) for name, why in found.skipped)
 
 
@@ -742,29 +720,13 @@ def _sensors(recordings: tuple[Recording, ...]) -> Iterator[tuple]:
     yield "sampling", "samples per second, mean of each recording", min(rates), max(rates)
 
 
-def _files(found: Characterisation) -> Iterator[tuple]:
-    for result in found.results:
-        r = result.recording
-        where = "/".join(r.source.resolve().parts[-2:]) if r.source else "simulated" if r.synthetic else "from Python"
-        diameter = np.sqrt(4 * max(r.area_a_m2, r.area_b_m2) / np.pi) * 1e3
-        labels = (group_of(r.labels), r.labels.get("run", ""), r.sha256[:16] if r.sha256 else None)
-        use, lasts_s = found.stroke_uses[r.name], r.time_s[-1] - r.time_s[0]
-        yield where, *labels, len(r), use.recorded, use.used, use.why or None, lasts_s, diameter
-
-
-MOST_RECORDS = 9
-
-
 def record(topic: Topic, found: Characterisation) -> Blocks:
     """Show all channels of one recording of each seal over time."""
     yield topic.text()
-    for index, group in enumerate(list(by_seal(found).values())[:MOST_RECORDS], 1):
+    for index, group in enumerate(list(by_seal(found).values())[:MOST_PANELS], 1):
         shown = group[len(group) // 2]
         caption = topic.say("caption", name=shown.recording.name, bar=gauge_bar(shown.levels[0]))
         yield ShownFigure(f"record-{index}", caption, record_figure(shown.recording, shown.strokes))
-
-
-STATISTICAL = "spread between strokes"
 
 
 def budget(topic: Topic, found: Characterisation) -> Blocks:
@@ -773,17 +735,16 @@ def budget(topic: Topic, found: Characterisation) -> Blocks:
     shown = levels if len(levels) == 1 else [levels[0], levels[-1]]
     assumed = ", ".join(sorted({e.source for level in levels for e in level.budget if e.basis == "assumed"}))
     yield topic.text()
-    yield from (topic.table(_sources(v), recording=v.recording, speed_mm_s=1e3 * v.speed_m_s) for v in shown)
+    for level in shown:
+        chance = np.nan_to_num(level.stderr_n)
+        rows: list[tuple] = [("spread between strokes", "data", "A", "", chance, None)]
+        for e in sorted(level.budget, key=lambda e: -e.friction_n):
+            factor, unit = readable(e.unit)
+            size = f"{plain(e.standard_uncertainty / factor)} {unit}".strip()
+            size += f"; {e.note}" if e.note else ""
+            rows.append((e.source, e.basis, e.kind, size, e.friction_n, e.offset_n))
+        rows.append(("combined, u", "", "", "", np.hypot(chance, level.u_systematic_n), level.u_offset_n))
+        rows.append(("expanded, U (k = 2)", "", "", "", level.expanded_n, 2 * level.u_offset_n))
+        yield topic.table(rows, recording=level.recording, speed_mm_s=1e3 * level.speed_m_s)
     if assumed:
         yield topic.text("assumed", "note", sources=assumed)
-
-
-def _sources(level: Level) -> Iterator[tuple]:
-    chance = np.nan_to_num(level.stderr_n)
-    yield STATISTICAL, "data", "A", "", chance, None
-    for e in sorted(level.budget, key=lambda e: -e.friction_n):
-        factor, unit = readable(e.unit)
-        size = f"{plain(e.standard_uncertainty / factor)} {unit}".strip()
-        yield e.source, e.basis, e.kind, f"{size}{'; ' if e.note else ''}{e.note}", e.friction_n, e.offset_n
-    yield "combined, u", "", "", "", np.hypot(chance, level.u_systematic_n), level.u_offset_n
-    yield "expanded, U (k = 2)", "", "", "", level.expanded_n, 2 * level.u_offset_n

@@ -33,6 +33,7 @@ if TYPE_CHECKING:
 
 DrawnFigure: TypeAlias = "Figure"  # of matplotlib
 PNG_DPI = 300  # as journals require of photographs; the SVG beside it is better for lines
+FILM_DPI = 150.0  # of an animation
 _STYLE = package_table(__file__, "style.toml")
 #: Settings of matplotlib, legends of a panel by position, and colours by name on light and on dark paper.
 _SETTINGS, LEGENDS, INKS = _STYLE["settings"], _STYLE["legends"], _STYLE["inks"]
@@ -261,7 +262,7 @@ def render(figure: figures.Figure) -> Figure:
     return made
 
 
-def film(pictures: Iterable[figures.Figure], dpi: float) -> Iterator[Image.Image]:
+def film(pictures: Iterable[figures.Figure]) -> Iterator[Image.Image]:
     """Yield an image of each figure, within `applied`. All figures have the same size, and contain one drawing."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from PIL import Image
@@ -270,7 +271,7 @@ def film(pictures: Iterable[figures.Figure], dpi: float) -> Iterator[Image.Image
     for picture in pictures:
         if canvas is None:
             made = render(picture)
-            made.set_dpi(dpi)
+            made.set_dpi(FILM_DPI)
             canvas = FigureCanvasAgg(made)
         else:
             (axis,), panel = canvas.figure.axes, picture.panels[0]

@@ -50,30 +50,6 @@ def true_strokes(run: Campaign) -> list[list[tuple[float, float | None]]]:
     return list(read_json(run.path / TRUE_STROKES, CampaignError).values())
 
 
-def run_experiments(into: str | Path) -> dict[str, Campaign]:
-    """Run the campaigns, each in its own process.
-
-    Parameters
-    ----------
-    into : path-like
-        Folder for the campaign folders; finished cycles are not run again.
-
-    Returns
-    -------
-    dict of Campaign
-        Finished campaigns by name, in the order of `EXPERIMENTS`.
-
-    Raises
-    ------
-    CampaignError, RigError, SimulationError
-        If a campaign fails.
-    """
-    from pneudrive.batching import in_processes
-
-    jobs = [(protocol, rig, str(Path(into) / protocol), SEED) for protocol, rig in EXPERIMENTS.values()]
-    return dict(zip(EXPERIMENTS, in_processes(run_experiment, jobs), strict=True))
-
-
 def run_experiment(protocol: str, rig: str, into: str, seed: int) -> Campaign:
     """Run one campaign. Store speed and mean true friction (N) at constant speed of every stroke."""
     from pneudrive.campaign.run import Options, run_campaign

@@ -13,6 +13,7 @@ import numpy as np
 from scipy.integrate import cumulative_trapezoid
 
 import pneudrive as pn
+from pneudrive.batching import in_processes
 from pneudrive.campaign.storage.folder import Campaign
 from pneudrive.characterise import Characterisation, characterise_recordings
 from pneudrive.describe.tables.friction import friction_laws
@@ -20,7 +21,7 @@ from pneudrive.errors import PneudriveWarning
 from pneudrive.figures import MEASURED, MODEL, THIN, Axis, Band, Figure, Line, Look, Markers, Panel, Rule, ramp, thin
 from pneudrive.report import page
 from pneudrive.report.page import Blocks, Paragraph, Report, Topic, figure_of, plural, sections_of, sentence
-from pneudrive.report.recordings import motion_figures, motion_panels, recovered, recovered_part
+from pneudrive.report.recordings import motion_figures, recovered, recovered_part
 from pneudrive.rig import SimulatedRig, shipped_rigs, sweep
 from pneudrive.studies.bracha import figure as bracha
 from pneudrive.studies.bracha import stick_slip as slips
@@ -170,7 +171,9 @@ def general_claims(chambers: ChamberComparison, figures: Mapping[int, PaperFigur
     half = f"{NARROW * drive.valve.conductance_m3_s_pa} m^3/(s Pa)"
     slower, longer = (1.0 - usual / stroke_out(drive.replace(one)) for one in ({"valve.conductance": half}, LONG))
     least, most = min(speed, stop), max(heat, gas)
-    usual_law, predictive = (followed(law) for law in ("pid", "nmpc"))
+    # Largest error of the drive of figure 2 along the sine R2 under a usual and a predictive controller, m.
+    along = (pn.control.run(slips.slow_drive(), law=law, reference="R2") for law in ("pid", "nmpc"))
+    usual_law, predictive = (float(run.score["max_error_m"]) for run in along)
     verdicts = {
         "balance": judge(lost[AS_PRINTED] < CLOSED * work, part=lost[ENERGY_BALANCE] < CLOSED * work),
         "influences": judge(min(heat, gas) > 0.01 and least > most, part=least > 0.01),
@@ -193,12 +196,6 @@ def general_claims(chambers: ChamberComparison, figures: Mapping[int, PaperFigur
     return bracha.claims_of("general", verdicts, numbers)
 
 
-def followed(law: str) -> float:
-    """Return the largest error (m) of the drive of figure 2 along the sine R2 under a controller."""
-    run = pn.control.run(slips.slow_drive(), law=law, reference="R2")
-    return float(run.score["max_error_m"])
-
-
 # --- The nine figures of the source paper.
 
 
@@ -208,7 +205,7 @@ def paper_figures(runs: Mapping[str, Campaign]) -> dict[int, PaperFigure]:
     Parameters
     ----------
     runs : mapping of Campaign
-        Result of `run_experiments`.
+        Finished campaign of each experiment.
 
     Returns
     -------
@@ -420,10 +417,12 @@ def reproduce(into: str | Path) -> Reproduction:
 
     Raises
     ------
-    CampaignError
-        If the folder cannot be used.
+    CampaignError, RigError, SimulationError
+        If the folder cannot be used, or a campaign fails.
     """
-    runs = bracha.run_experiments(into)
+    # The campaigns, each in its own process.
+    jobs = [(protocol, rig, str(Path(into) / protocol), SEED) for protocol, rig in bracha.EXPERIMENTS.values()]
+    runs = dict(zip(bracha.EXPERIMENTS, in_processes(bracha.run_experiment, jobs), strict=True))
     rig = SimulatedRig.default()
     speeds_m_s = np.geomspace(*RECOVERY_SPEEDS_M_S)
     recordings = sweep(rig, speeds_m_s, RECOVERY_GAUGES_PA, count=RECOVERY_CYCLES, seed=SEED)
@@ -439,8 +438,6 @@ def reproduce(into: str | Path) -> Reproduction:
 # --- The report of the study: verdict, sections, provenance.
 
 PAGE = Path(__file__).with_name("page.toml")
-STICK_SLIP = (1, 2, 3)
-LINES = {ENERGY_BALANCE: (MEASURED, "energy balance"), AS_PRINTED: (MODEL, "as printed")}
 
 
 def verdict(made: Reproduction, *, alone: bool) -> Iterator[str]:
@@ -498,14 +495,13 @@ def paper(topic: Topic, made: Reproduction) -> Blocks:
 
 def stick_slip(topic: Topic, made: Reproduction) -> Blocks:
     """Show figures 1 to 3: numbers, over time, in the phase plane."""
-    rows, shown = [], []
-    for f in (made.figures[number] for number in STICK_SLIP):
+    rows, motions = [], []
+    for f in (made.figures[number] for number in (1, 2, 3)):
         law = topic.say(str(f.number))
         rows.append({"figure": str(f.number), "friction": law, **f.quantities})
         time, position, velocity = (f.columns[name] for name in ("time_s", "position_m", "velocity_m_s"))
-        mean = f.quantities["mean_speed_m_s"]
-        shown.append(motion_panels(f"figure {f.number}: {law}", time, position, velocity, mean))
-    over_time, phases = motion_figures(shown)
+        motions.append((f"figure {f.number}: {law}", time, position, velocity, f.quantities["mean_speed_m_s"]))
+    over_time, phases = motion_figures(motions)
     yield topic.text()
     yield topic.table(rows)
     yield topic.figure("stick-slip-time", over_time)
@@ -528,24 +524,14 @@ def chambers(topic: Topic, made: Reproduction) -> Blocks:
         ("largest difference of temperature b, K", None, f"{compared.largest_difference('temperature_b'):.0f}"),
     )
     residual = compared.energy_residual_j[AS_PRINTED]
-    yield topic.text()
-    yield topic.table(rows)
-    yield topic.figure("chamber-laws", draw_chambers(compared))
-    yield topic.text("energy", "note", residual_j=residual, work_j=compared.stroke_work_j)
-
-
-#: Parts of the study's report by the key of their section.
-PARTS = {"paper": paper, "stick-slip": stick_slip, "chambers": chambers}
-
-
-def draw_chambers(compared: ChamberComparison) -> Figure:
-    """Draw position and its difference, pressures and temperatures over time."""
-    balanced, printed = (compared.runs[law] for law in LINES)
+    # Position and its difference, pressures and temperatures over time.
+    balanced, printed = (compared.runs[law] for law in laws)
     part = thin(balanced.time)
     time = balanced.time[part]
 
     def lines(name: str) -> list[Line]:
-        return [Line(time, compared.runs[law][name][part], words, own) for law, (own, words) in LINES.items()]
+        own, other = balanced[name][part], printed[name][part]
+        return [Line(time, own, "energy balance", MEASURED), Line(time, other, "as printed", MODEL)]
 
     quantities = (("pressure", "pressure {} / bar abs"), ("temperature", "gas temperature {} / K"))
     panels = [
@@ -553,7 +539,14 @@ def draw_chambers(compared: ChamberComparison) -> Figure:
         Panel([Line(time, (printed.position - balanced.position)[part])], y="difference / mm"),
         *(Panel(lines(f"{name}_{side}"), y=label.format(side)) for name, label in quantities for side in "ab"),
     ]
-    return figure_of("paper-chambers", panels)
+    yield topic.text()
+    yield topic.table(rows)
+    yield topic.figure("chamber-laws", figure_of("paper-chambers", panels))
+    yield topic.text("energy", "note", residual_j=residual, work_j=compared.stroke_work_j)
+
+
+#: Parts of the study's report by the key of their section.
+PARTS = {"paper": paper, "stick-slip": stick_slip, "chambers": chambers}
 
 
 def provenance(topic: Topic, made: Reproduction) -> Blocks:
