@@ -123,22 +123,6 @@ def test_a_run_is_what_the_public_constructor_makes(run):
     assert run.to_dataframe().equals(_rebuilt(run).to_dataframe())
 
 
-def test_a_run_does_without_the_private_constructor(monkeypatch):
-    direct, calls = xr.Dataset._construct_direct, []
-
-    def refuse_once(*given, **named):
-        calls.append(given)
-        if len(calls) == 1:
-            raise TypeError  # as where it takes other arguments; the public constructor goes through it too
-        return direct(*given, **named)
-
-    drive = pn.Drive.load("catalogue:reference")
-    usual = pn.simulate(drive, "0 s: 0.6", "10 ms")
-    monkeypatch.setattr(xr.Dataset, "_construct_direct", refuse_once)
-    assert pn.simulate(drive, "0 s: 0.6", "10 ms").identical(usual)
-    assert len(calls) > 1
-
-
 def test_files_hold_the_same_numbers(run, tmp_path):
     paths = [trajectory.save(run, tmp_path / f"run{suffix}") for suffix in trajectory.SUFFIXES]
     parquet, text = pl.read_parquet(paths[0]), pl.read_csv(paths[1])

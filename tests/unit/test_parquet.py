@@ -104,14 +104,6 @@ def test_columns_of_any_encoding_are_read_in_part(tmp_path):
             assert np.array_equal(read, frame[name].to_numpy()[7:90], equal_nan=True)
 
 
-def test_a_trajectory_of_several_groups_of_rows_comes_back_to_the_bit(tmp_path):
-    rows = 2 * (1 << 18) + 3
-    odd = np.resize([np.nan, -0.0, np.inf, 5e-324, 7.0], rows)
-    path = _saved(tmp_path, {"time_s": np.arange(rows) / 1e3, "Kraft µN": odd})
-    read = open_table(path, "parquet").get(["Kraft µN"], ((1 << 18) - 1, rows))["Kraft µN"]
-    assert np.array_equal(read.view(np.int64), odd[(1 << 18) - 1 :].view(np.int64))
-
-
 def test_a_file_that_changes_after_it_was_opened_is_named(tmp_path):
     path = tmp_path / "run.parquet"
     table = open_table(_saved(tmp_path, {"time_s": np.arange(9.0)}), "parquet")
