@@ -69,6 +69,8 @@ def test_run_command_and_python_give_the_same_bits(served: Served, monkeypatch: 
         "gain": 4.0,
         "friction_share": 0.25,
     }
+    ends = {one["key"]: (one["low"], one["high"]) for one in head["gains"]}  # from a quarter to four times the value
+    assert (ends["gain"], ends["friction_share"]) == (pytest.approx((1.0, 16.0)), pytest.approx((0.0625, 1.0)))
     assert head["view"]["tables"][0]["rows"] == [["moving_mass", "1.3"]]
     monkeypatch.chdir(served.folder)
     names = run_python(head["python"])

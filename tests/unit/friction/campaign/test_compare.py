@@ -48,6 +48,9 @@ def test_large_campaigns_are_condensed_and_say_the_same(tmp_path, monkeypatch):
         for n, c in ((5, 30), (6, 29))
     ]
     whole = compare_curves(*both)
+    gains = compare_curves(*both, 0.01)  # of two sensors, each with its own error of 1 %
+    assert gains.mean.stderr == pytest.approx(np.hypot(whole.mean.stderr, np.sqrt(2.0) * 0.01))
+    assert whole.mean.stderr < 0.01
     monkeypatch.setattr(compare, "MOST_CELLS", 45)
     monkeypatch.setattr(compare, "MOST_CYCLES", 30)
     found = compare_curves(*both)

@@ -11,6 +11,7 @@ import pytest
 from scipy.optimize import least_squares
 
 from pneudrive.campaign.cycle import Cycle
+from pneudrive.campaign.planning.protocol import parse_protocol
 from pneudrive.campaign.storage.folder import Head, create, write_cycle
 from pneudrive.characteristics import campaign_friction
 from pneudrive.errors import FitError
@@ -80,6 +81,8 @@ def test_hyperbolic_law_of_a_known_time_has_its_known_support():
     assert plan.durations_s[-1] == high
     assert np.median(plan.durations_s[1:-1]) == pytest.approx(c * middle / (1 - middle), rel=0.1)
     assert plan.repeats[0] == plan.repeats[-1] == 4
+    read = parse_protocol(plan.protocol(), "stops.toml")
+    assert (read.stop.durations_s, read.repeats, read.order.kind) == (plan.durations_s, 4, "randomised")
 
 
 def test_a_time_that_is_not_known_spreads_the_stops():

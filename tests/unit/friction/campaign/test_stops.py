@@ -53,6 +53,8 @@ def test_peak_of_noisy_samples_is_not_their_largest(increment_n, noise_n):
         away.append((peak.friction_n - true) / peak.stderr_n)
         naive.append(noisy.max() - true)
     assert np.mean(naive) > 1.5 * noise_n  # what has to be avoided
+    scaled = find_breakaway(time, 1e-3 * time, 8.0 * noisy, 240.0)  # forces in another unit
+    assert (scaled.friction_n, scaled.stderr_n) == pytest.approx((8.0 * peak.friction_n, 8.0 * peak.stderr_n))
     assert abs(np.mean(away)) < 0.6
     assert np.mean(np.abs(away) < 2.0) > 0.75
 
