@@ -159,7 +159,7 @@ def demo(*, out: Path = Path("out")) -> None:
     _, fits, _ = write_map_and_fits(found, folder)
     made = reproduction.reproduce(folder / reproduction.FOLDER)
     axis = pn.control.run(pn.Circuit.load(AXIS), "super-twisting", reference="sine 60 mm 1 Hz around 250 mm")
-    controlled = page.view_section("controlled-axis", trajectory.view_of_controlled_run(axis), synthetic=True)
+    controlled = page.view_section("controlled-axis", trajectory.view_of_run(axis), synthetic=True)
     report, study = recordings.recordings_report(found, fits), made.report().sections
     verdict = [*report.verdict, *reproduction.verdict(made, alone=False)]
     title, sections = f"{report.title}, with a simulated rig", [*report.sections, *study, controlled]

@@ -157,11 +157,12 @@ class DescribedSystem(DescribedFile):
             vars(copy).pop(name, None)
         return copy
 
-    def _picture(self) -> str:
+    def _repr_html_(self) -> str:
         try:
-            return upper("circuit_svg")(self)
+            picture = upper("circuit_svg")(self)
         except DescriptionError:  # a circuit that has no drawing still has its card
-            return ""
+            picture = ""
+        return picture + super()._repr_html_()
 
     @cached_property
     def system(self) -> System:

@@ -16,7 +16,7 @@ from pneudrive.errors import CommandError
 from pneudrive.figures import MODEL, Axis, Band, Bars, Figure, Line, Markers, Panel, label_of, look
 from pneudrive.numbers import plain
 from pneudrive.report.circuit.svg import circuit_figure
-from pneudrive.report.page import Paragraph, Report, Section, Topic, figure_of, references, view_section, write_pdf
+from pneudrive.report.page import Paragraph, Report, Topic, figure_of, references, view_section, write_pdf
 from pneudrive.report.render import DrawnFigure, draw_figure
 from pneudrive.report.validation import channel_figure, friction_figure
 from pneudrive.simulation.trajectory import check_target, write_whole
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
     import xarray as xr
 
-    from pneudrive.datasheet.measured import ComparedNumber, MeasuredBeside
+    from pneudrive.datasheet.measured import MeasuredBeside
 
 SUFFIXES = (".html", ".pdf")
 MOST_CURVES, MOST_BARS, MOST_VALUES = 5, 12, 24  # of one result in a table
@@ -99,18 +99,24 @@ def characteristic_view(found: xr.Dataset) -> View:
 def characteristic_panels(found: xr.Dataset, title: str = "") -> list[Panel]:
     """Draw a panel for each result in the figure of a characteristic."""
     kind, title = characteristics()[found.attrs["characteristic"]], title or found.attrs["title"]
-    parts = kind.y.split()  # several: the last word of each distinguishes the panels
-    titles = [f"{title}, {name.rpartition('_')[2]}" for name in parts] if len(parts) > 1 else [title]
-    return [_panel(found, kind.x, name, one) for name, one in zip(parts, titles, strict=True)]
-
-
-def _panel(found: xr.Dataset, x: str, name: str, title: str) -> Panel:
-    if found[x].dtype.kind in "US":
-        return _bars(found, x, name, title)
-    xs = np.abs(np.asarray(found[x], dtype=float))
-    is_wide = found[x].attrs["units"] == "Hz" and xs.max() > LOGARITHMIC * xs.min() > 0.0
-    x_axis = _axis(found, x, "log" if is_wide else "linear")
-    return Panel(list(_curves(found, x, name)), title, x_axis, _axis(found, name))
+    x, parts, panels = kind.x, kind.y.split(), []
+    for name in parts:
+        # Of several panels, the last word of each name distinguishes them.
+        own = f"{title}, {name.rpartition('_')[2]}" if len(parts) > 1 else title
+        if found[x].dtype.kind in "US":  # one bar for each entry, the largest on top
+            values = shown_unit(found[name].attrs["units"])[0] * np.asarray(found[name])
+            order = np.argsort(values)
+            if len(order) > MOST_BARS:
+                order = [k for k in order if k in np.argsort(-np.abs(values))[:MOST_BARS]]
+            bars = Bars(np.arange(len(order)), values[order], thickness=0.6, across=True)
+            labels = [str(found[x].to_numpy()[k]) for k in order]
+            panels.append(Panel([bars], own, _axis(found, name), Axis(names=labels)))
+            continue
+        xs = np.abs(np.asarray(found[x], dtype=float))
+        is_wide = found[x].attrs["units"] == "Hz" and xs.max() > LOGARITHMIC * xs.min() > 0.0
+        x_axis = _axis(found, x, "log" if is_wide else "linear")
+        panels.append(Panel(list(_curves(found, x, name)), own, x_axis, _axis(found, name)))
+    return panels
 
 
 def _axis(found: xr.Dataset, name: str, scale: str = "linear") -> Axis:
@@ -127,34 +133,15 @@ def _curves(found: xr.Dataset, x: str, name: str) -> Iterator[Line | Band]:
     for index, k in enumerate(np.linspace(0, count - 1, min(count, MOST_CURVES)).astype(int)):
         at = {other: k} if other else {}
         abscissa = by * np.asarray(found[x].isel(at, missing_dims="ignore"), dtype=float)
-        label = value_in_words(found, other, k) if other else ""
-        if index and other and found[other].dtype.kind not in "US":  # only the first label names the quantity
-            label = label.removeprefix(in_words(other)).strip()
+        label = found[other].to_numpy()[k] if other else ""
+        if not isinstance(label, str):  # only the first label names the quantity
+            size, unit = shown_unit(found[other].attrs["units"])
+            label = f"{size * float(label):.3g}{'' if unit == '1' else f' {unit}'}"
+            label = label if index else f"{in_words(other)} {label}"
         yield Line(abscissa, factor * np.asarray(found[name].isel(at)), label, look(index))
         if f"{name}_low" in found:
             low, high = (factor * np.asarray(found[f"{name}_{end}"].isel(at)) for end in ("low", "high"))
             yield Band(abscissa, low, high, look=look(index))
-
-
-def value_in_words(found: xr.Dataset, dim: str, index: int) -> str:
-    """Return a position on an axis as text."""
-    value = found[dim].to_numpy()[index]
-    if isinstance(value, str):
-        return value
-    factor, unit = shown_unit(found[dim].attrs["units"])
-    return f"{in_words(dim)} {factor * float(value):.3g}{'' if unit == '1' else f' {unit}'}"
-
-
-def _bars(found: xr.Dataset, x: str, name: str, title: str) -> Panel:
-    """Draw one bar for each entry, the largest on top."""
-    factor, _ = shown_unit(found[name].attrs["units"])
-    labels = [str(entry) for entry in found[x].to_numpy()]
-    values = factor * np.asarray(found[name])
-    order = np.argsort(values)
-    if len(order) > MOST_BARS:
-        order = [k for k in order if k in np.argsort(-np.abs(values))[:MOST_BARS]]
-    bars = Bars(np.arange(len(order)), values[order], thickness=0.6, across=True)
-    return Panel([bars], title, _axis(found, name), Axis(names=[labels[k] for k in order]))
 
 
 # --- data sheet ------------------------------------------------------------------------------------------------------
@@ -185,12 +172,19 @@ def write_datasheet(found: Datasheet, path: str | Path) -> Path:
         numbers.say(version=__version__),
         *(f"{name}: {why}" for name, why in found.failed.items() if name != "published"),
     )
+    known = [characteristics()[name] for name in found.results if name in characteristics()]
+    definitions = Topic("datasheet", "definitions").section(
+        Paragraph([f"assumed: {line}" for line in found.assumed]),
+        Paragraph([f"{kind.title}: {kind.definition} ({kind.algorithm})" for kind in known]),
+        Paragraph(references(dict.fromkeys(key for kind in known for key in kind.cites))),
+        synthetic=False,
+    )
     curves, *compared = view.figures
     rest = replace(view, title=numbers.say("title"), leading=(), findings=(), notes=notes, figures=(curves,))
     sections = [
         drive.section(drive.figure("circuit", circuit_figure(found.drive)), synthetic=False),
         view_section("numbers", rest),
-        _definitions(found),
+        definitions,
     ]
     if found.measured is not None and compared:
         sections.insert(2, Topic("datasheet", "measured").section(*compared, synthetic=found.measured.synthetic))
@@ -213,9 +207,19 @@ def sheet_view(found: Datasheet) -> View:
     ]
     figures = [topics["curves"].figure("curves", figure_of("sheet", panels), bands=bands)]
     if "published" in found.results:
-        tables.append(topics["numbers"].table(_published(found), "published"))
+        # Numbers that makers print for the drive's parts, with the values computed for the drive.
+        table, rows = found.results["published"], []
+        columns = (table["figure"], table.printed, table.computed, 100.0 * table.difference)
+        for name, printed, computed, more in zip(*(column.to_numpy() for column in columns), strict=True):
+            rows.append((str(name), plain(printed), plain(computed), f"{more:+.2g} %"))
+        tables.append(topics["numbers"].table(rows, "published"))
     if found.measured is not None:
-        tables.append(topics["measured"].table(map(_measured_row, found.measured.numbers)))
+        rows = []
+        for n in found.measured.numbers:
+            measured, simulated = written_value(n.measured, n.unit, n.low, n.high), written_value(n.simulated, n.unit)
+            agrees = "agrees" if n.agrees else "differs"
+            rows.append((n.stroke, in_words(n.name), measured, str(n.repeats), simulated, agrees))
+        tables.append(topics["measured"].table(rows))
         caption = topics["measured"].texts["pictures"]["measured"]
         figures += [ShownFigure(name, caption, figure) for name, figure in _comparisons(found.measured)]
     tables.append(topics["values"].table(values))
@@ -245,20 +249,6 @@ def _leading(found: Datasheet) -> Iterator[ShownValue]:
         yield ShownValue("air", "", words, float(found.results["air"].full))
 
 
-def _published(found: Datasheet) -> Iterator[tuple[str, ...]]:
-    """Yield the figures that makers print for the drive's parts, with the values computed for the drive."""
-    table = found.results["published"]
-    columns = [100.0 * table.difference.to_numpy(), table.computed.to_numpy(), table.printed.to_numpy()]
-    for name, more, computed, printed in zip(table["figure"].to_numpy(), *columns, strict=True):
-        yield str(name), plain(printed), plain(computed), f"{more:+.2g} %"
-
-
-def _measured_row(number: ComparedNumber) -> tuple[str, ...]:
-    measured = written_value(number.measured, number.unit, number.low, number.high)
-    simulated, agrees = written_value(number.simulated, number.unit), "agrees" if number.agrees else "differs"
-    return number.stroke, in_words(number.name), measured, str(number.repeats), simulated, agrees
-
-
 def _comparisons(measured: MeasuredBeside) -> Iterator[tuple[str, Figure]]:
     """Yield name and figure of measurements with their simulation: the first run, the first response, and friction."""
     if measured.validation is not None:
@@ -271,15 +261,3 @@ def _comparisons(measured: MeasuredBeside) -> Iterator[tuple[str, Figure]]:
         yield "response", Figure([Panel([points, line], title, x, y)], row_in=2.6, legend="panel")
     if measured.friction is not None:
         yield "friction", friction_figure(measured.friction.curves)
-
-
-def _definitions(found: Datasheet) -> Section:
-    known = characteristics()
-    shown = [known[name] for name in found.results if name in known]
-    keys = dict.fromkeys(key for one in shown for key in one.cites)
-    return Topic("datasheet", "definitions").section(
-        Paragraph([f"assumed: {one}" for one in found.assumed]),
-        Paragraph([f"{one.title}: {one.definition} ({one.algorithm})" for one in shown]),
-        Paragraph(references(keys)),
-        synthetic=False,
-    )

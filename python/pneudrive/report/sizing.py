@@ -93,8 +93,16 @@ def _ranges(numbered: Mapping[int, SizedDrive], caption: str) -> ShownTable:
     for name in names:
         limits = {read(*drive.worst[name][1:]) for drive in shown if name in drive.worst}
         common = limits.pop() if len(limits) == 1 else ""  # others stand in the cells
-        label = f"{name}, limit {common}" if common else name
-        rows.append((label, *(_against(drive, name, is_common=bool(common)) for drive in shown)))
+        cells = []
+        for drive in shown:
+            if name not in drive.worst:
+                cells.append("–")
+                continue
+            value, limit, unit = drive.worst[name]
+            ends = _ends(drive, name, READ.get(unit, (1.0,))[0]) or read(value, unit)
+            of = "" if common else f" of {read(limit, unit)}"
+            cells.append(f"{ends}{of} ({100.0 * drive.margins[name]:.0f}\u00a0%)")
+        rows.append((f"{name}, limit {common}" if common else name, *cells))
     for words, name, factor, unit in FREE:
         ends = [_ends(drive, name, factor) for drive in shown]
         if words not in names and any(ends):
@@ -102,16 +110,6 @@ def _ranges(numbered: Mapping[int, SizedDrive], caption: str) -> ShownTable:
     return ShownTable(
         caption, ("", *(f"{k} {maker_type(d.parts['cylinder'])}" for k, d in numbered.items())), tuple(rows)
     )
-
-
-def _against(drive: SizedDrive, name: str, *, is_common: bool) -> str:
-    """Return the range of a value, its margin, and its limit unless all choices have the same limit."""
-    if name not in drive.worst:
-        return "–"
-    value, limit, unit = drive.worst[name]
-    of = "" if is_common else f" of {read(limit, unit)}"
-    ends = _ends(drive, name, READ.get(unit, (1.0,))[0]) or read(value, unit)
-    return f"{ends}{of} ({100.0 * drive.margins[name]:.0f}\u00a0%)"
 
 
 def _ends(drive: SizedDrive, name: str, factor: float) -> str:
@@ -202,9 +200,13 @@ def write_sizing_report(found: SizingResult, folder: str | Path) -> Path:
     lines = [replace(line, text=f"{line.text[:1].upper()}{line.text[1:]}") for line in verdict]
     if found.best is not None:
         parts.append(Topic("sizing", "sources").section(Paragraph(_cited(found)), synthetic=False))
-        sheet = Path(folder) / SHEET
-        make_subfolder(sheet)
-        sheet_report(found).write(sheet)
+        topic, sheet, into = Topic("sizing", "sheet"), sizing_sheet(found), Path(folder) / SHEET
+        given = "; ".join(f"{value.key} {value.value}" for value in task_values(found.task) if value.kind == "given")
+        note = topic.text(version=__version__, sources="; ".join(_cited(found)) or "none")
+        blocks = (Paragraph(given), *sheet.figures, *sheet.tables, Paragraph(sheet.notes), note)
+        answer = Finding(found.answer, sheet.state)
+        make_subfolder(into)
+        Report(sheet.title, [answer, *sheet.findings], [topic.section(*blocks)], synthetic=True).write(into)
     return Report(f"{found.task.name}: sizing, simulated", lines, parts, synthetic=True).write(folder)
 
 
@@ -214,17 +216,29 @@ def write_sizing_report(found: SizingResult, folder: str | Path) -> Path:
 def sizing_sheet(found: SizingResult) -> View:
     """Return the sheet of the best choice: sketch, order list, open checks, and its ranges against the limits."""
     topic, task, best = Topic("sizing", "sheet"), found.task, found.ranked[0]
-    number = {"cylinder": f"1, stroke {1e3 * task.stroke_m:.4g} mm", "tube": f"{2.0 * task.tube_length_m:.3g} m"}
+    stroke = f"{1e3 * task.stroke_m:.4g} mm"
+    number = {"cylinder": f"1, stroke {stroke}", "tube": f"{2.0 * task.tube_length_m:.3g} m"}
     number |= {"flow_control": "2"}
     order = [
         (number.get(slot, "1"), slot.replace("_", " "), maker_type(name), name)
         for slot, name in best.parts.items()
         if name not in (WITHOUT, "*")
     ]
-    clamps = [("missing", math.ceil(check.value)) for check in found.open_checks if "hangs" in check.name]
-    if not clamps and task.clamp_force_n is not None:
-        clamps = [("clamp", task.clamp_force_n)]
+    hanging = [("missing", math.ceil(check.value)) for check in found.open_checks if "hangs" in check.name]
+    clamps = hanging or ([] if task.clamp_force_n is None else [("clamp", task.clamp_force_n)])
     order += [("1", slot, f"rod clamp, {force:g} N or more", "–") for slot, force in clamps]
+    # Load, cylinder with bore and stroke, tubes, valve and supply, with their types.
+    drawing = sketch(
+        "choice",
+        ["hanging"] if hanging else [],
+        mass=task.mass_kg,
+        stroke=stroke,
+        bore=1e3 * best.sizes[0],
+        tube_m=task.tube_length_m,
+        gauge=1e-5 * (task.supply_pa - task.ambient.pressure_pa),
+        incline=math.degrees(task.incline_rad),
+        **{slot: maker_type(best.parts[slot]) for slot in ("cylinder", "tube", "valve")},
+    )
     return View(
         f"{task.name}: {in_words(best.parts)}",
         state="good" if found.ready else "open",
@@ -232,35 +246,7 @@ def sizing_sheet(found: SizingResult) -> View:
         findings=tuple(check.finding for check in found.open_checks),
         notes=(*yearly(found), f"{best.needles}.", topic.say("ports")),
         tables=(topic.table(order, "order"), _ranges({1: best}, topic.say("ranges"))),
-        figures=(topic.figure("sketch", sketch_figure(found)),),
-    )
-
-
-def sheet_report(found: SizingResult) -> Report:
-    """Return the sheet as a report: state, task, order, ranges, and sources."""
-    topic, view = Topic("sizing", "sheet"), sizing_sheet(found)
-    verdict = [Finding(found.answer, view.state), *view.findings]
-    given = "; ".join(f"{one.key} {one.value}" for one in task_values(found.task) if one.kind == "given")
-    note = topic.text(version=__version__, sources="; ".join(_cited(found)) or "none")
-    parts = topic.section(Paragraph(given), *view.figures, *view.tables, Paragraph(view.notes), note)
-    return Report(view.title, verdict, [parts], synthetic=True)
-
-
-def sketch_figure(found: SizingResult) -> Figure:
-    """Draw load, cylinder with bore and stroke, tubes, valve and supply of the best choice, with their types."""
-    task, best = found.task, found.ranked[0]
-    is_hanging = any("hangs" in check.name for check in found.open_checks)
-    names = {slot: maker_type(best.parts[slot]) for slot in ("cylinder", "tube", "valve")}
-    return sketch(
-        "choice",
-        ["hanging"] if is_hanging else [],
-        mass=task.mass_kg,
-        stroke=f"{1e3 * task.stroke_m:.4g} mm",
-        bore=1e3 * best.sizes[0],
-        tube_m=task.tube_length_m,
-        gauge=1e-5 * (task.supply_pa - task.ambient.pressure_pa),
-        incline=math.degrees(task.incline_rad),
-        **names,
+        figures=(topic.figure("sketch", drawing),),
     )
 
 
@@ -277,21 +263,14 @@ def _values(topic: Topic, found: SizingResult) -> Blocks:
     if found.best is None:
         return
     circuit = found.circuit()
-    values = [
-        (one.key.removeprefix("components."), str(one.value), _origin(one.kind, one.origin))
-        for one in values_of(circuit)
-        if not one.key.endswith(".kind")
-    ]
-    named = {f"{key} = " for key, *_ in values}
-    rest = tuple(line for line in circuit.assumed() if not line.startswith(tuple(named)))
+    words, values = {"given": "the task, or the choice of parts", "default": "default"}, []
+    for value in (value for value in values_of(circuit) if not value.key.endswith(".kind")):
+        is_whole = value.kind == "source" or value.origin.startswith("assumed")
+        origin = words.get(value.kind, value.origin if is_whole else f"{value.kind}: {value.origin}")
+        values.append((value.key.removeprefix("components."), str(value.value), origin))
+    named = tuple(f"{key} = " for key, *_ in values)
     yield topic.table(values)
-    yield Paragraph(rest)
-
-
-def _origin(kind: str, said: str) -> str:
-    if kind in ("given", "default"):
-        return {"given": "the task, or the choice of parts", "default": "default"}[kind]
-    return said if kind == "source" or said.startswith("assumed") else f"{kind}: {said}"
+    yield Paragraph(tuple(line for line in circuit.assumed() if not line.startswith(named)))
 
 
 def _task(topic: Topic, found: SizingResult) -> Blocks:

@@ -40,8 +40,6 @@ if TYPE_CHECKING:
 # --- Pictures of simulated runs: a trajectory over time, and speed and stroke time over the tubes of a drive.
 
 REFERENCE = Look("grey", "--")
-MOST_IN_A_ROW = 4  # entries of a legend
-TITLE_LETTERS = 100  # of a line
 MOST_SHOWN = 4000  # samples of a curve in a view
 
 
@@ -83,42 +81,38 @@ def over_time(run: xr.Dataset, most: int = 20_000) -> Figure:
         raise CommandError("this is not the dataset of a run", rule="with a coordinate time, as pn.simulate returns it")
     part = thin(run.time, most)
     time, panels = run.time.to_numpy()[part], []
-    for label, variables in _panels(run):
-        lines = [
-            Line(time, run[name].to_numpy()[part], words * (len(variables) > 1), own, 1.0, steps=label == "command")
-            for name, own, words in variables
-        ]
-        panels.append(Panel(lines, y=label))
-    title = run.attrs.get("title")
-    above = fill(f"{title} (simulated)", TITLE_LETTERS) if title else ""
-    size = 1.15 * len(panels) + 0.5
-    return stack(panels or [Panel([])], size, legend="over", entries=MOST_IN_A_ROW, title=above)
-
-
-def _panels(run: xr.Dataset) -> Iterator[tuple[str, list[tuple[str, Look, str]]]]:
-    """Yield label and variables (name, look, words) of each panel with data."""
     for label, last, unit in Topic("trajectory", "run").texts["panels"]:
         wanted = re.compile(rf"{last}(_[ab])?|.+\.{last}")
         of_kind = (str(name) for name, variable in run.data_vars.items() if variable.attrs.get("units") == unit)
         names = [name for name in of_kind if wanted.fullmatch(name)][: len(figures.LOOKS)]
+        # End stops only if one was touched.
+        if all(name.endswith("end_stop_force") and not bool((run[name] != 0.0).any()) for name in names):
+            continue
         is_drive = not any("." in name for name in names)
         looks = (figures.MEASURED, figures.MODEL) if is_drive else figures.LOOKS  # of a drive with its two chambers
-        # End stops only if one was touched.
-        if any(not name.endswith("end_stop_force") or bool((run[name] != 0.0).any()) for name in names):
-            yield label, [(name, own, _words(name, last)) for name, own in zip(names, looks, strict=False)]
-
-
-def _words(name: str, last: str) -> str:
-    """Return the name of a curve: the component, or the chamber."""
-    component, _, variable = name.rpartition(".")
-    return component or variable.removeprefix(last).replace("_", "chamber ")
+        lines = []
+        for name, own in zip(names, looks, strict=False):
+            # A curve is named by its component, or by its chamber.
+            component, _, variable = name.rpartition(".")
+            words = component or variable.removeprefix(last).replace("_", "chamber ")
+            words = words if len(names) > 1 else ""
+            lines.append(Line(time, run[name].to_numpy()[part], words, own, 1.0, steps=label == "command"))
+        panels.append(Panel(lines, y=label))
+    title = run.attrs.get("title")
+    above = fill(f"{title} (simulated)", 100) if title else ""
+    return stack(panels or [Panel([])], 1.15 * len(panels) + 0.5, legend="over", title=above)
 
 
 def view_of_run(run: xr.Dataset, described: Circuit | Drive | None = None) -> View:
-    """Return the view of a run with its picture. `described` is the simulated drive, for its gas; default: air."""
+    """Return the view of a run with its picture, for a run under control with score and events.
+
+    `described` is the simulated drive, for its gas; default: air.
+    """
     about = attributes(run)
-    if "score" in about:
-        return view_of_controlled_run(run)
+    if "score" in about:  # a run under control, of an axis or a platform
+        is_pose = "coordinates" in about["score"]
+        view = PoseScore.read(about["score"]).view(about) if is_pose else view_of_score(about)
+        return replace(view, figures=(ShownFigure("control", f"{view.title}.", run_figure(run)),))
     figure = ShownFigure("trajectory", f"{about.get('title') or 'Trajectory'}, simulated.", over_time(run, MOST_SHOWN))
     return replace(run_view(columns(run), about, described), figures=(figure,))
 
@@ -180,8 +174,6 @@ def view_of_tubes(study: xr.Dataset) -> View:
 
 # --- Runs under control.
 
-SMALL_M = 5e-3  # largest error that is drawn in micrometres
-
 
 def plot_control(run: xr.Dataset, path: str | Path | None = None) -> DrawnFigure:
     """Draw a run under control over time: position and reference, error, pressures, command, disturbance.
@@ -203,14 +195,6 @@ def plot_control(run: xr.Dataset, path: str | Path | None = None) -> DrawnFigure
     return draw_figure(run_figure(run), path, synthetic=True)
 
 
-def view_of_controlled_run(run: xr.Dataset) -> View:
-    """Return the view of a run under control, of an axis or a platform: score, events and picture."""
-    about = attributes(run)
-    is_pose = "coordinates" in about["score"]
-    view = PoseScore.read(about["score"]).view(about) if is_pose else view_of_score(about)
-    return replace(view, figures=(ShownFigure("control", f"{view.title}.", run_figure(run)),))
-
-
 def run_figure(run: xr.Dataset) -> Figure:
     """Draw a run under control over time."""
     check_si(run)
@@ -219,22 +203,20 @@ def run_figure(run: xr.Dataset) -> Figure:
     known = {str(name): run[name].to_numpy()[part] for name in run.data_vars}
     title = f"{run.attrs.get('law', '')} on {run.attrs.get('title', 'a drive')}"
     score = attributes(run).get("score", {})
-    panels = _pose_panels(time, known, score, title) if "coordinates" in score else _axis_panels(time, known, title)
-    return _over_time(panels)
-
-
-def _axis_panels(time: Array, known: Columns, title: str) -> list[Panel]:
+    if "coordinates" in score:
+        return _over_time(_pose_panels(time, known, score, title))
     off = known["reference"] - known["position"]
     chambers = ("a", figures.MEASURED), ("b", figures.MODEL)
     both = [Line(time, known["reference"], "reference", figures.MODEL), Line(time, known["position"], "position")]
     pressures = [Line(time, known[f"pressure_{side}"], f"chamber {side}", own) for side, own in chambers]
-    return [
+    panels = [
         Panel(both, title, y="position / mm"),
         Panel([Line(time, off), Rule(y=0.0)], y=f"error / {error_unit([off])}"),
         Panel(pressures, y="pressure / bar abs"),
         Panel([Line(time, known["command"], width=0.8, steps=True)], y="command"),
         Panel([Line(time, known["disturbance"], width=0.8)], y="disturbance / N"),
     ]
+    return _over_time(panels)
 
 
 def _pose_panels(time: Array, known: Columns, score: Plain, title: str) -> list[Panel]:
@@ -294,9 +276,9 @@ def _over_time(panels: Sequence[Panel]) -> Figure:
 
 
 def error_unit(errors_m: Sequence[Any]) -> str:
-    """Return the unit in which errors are drawn."""
+    """Return the unit in which errors are drawn: micrometres below 5 mm."""
     largest = max((np.abs(error).max() for error in errors_m if len(error)), default=0.0)
-    return "um" if largest < SMALL_M else "mm"
+    return "um" if largest < 5e-3 else "mm"
 
 
 def gain_rows(laws: Keyed) -> Iterator[tuple[str, ...]]:
@@ -325,10 +307,20 @@ def controllers_view(found: ControlComparison, measures: Collection[str] = ()) -
     if not found.is_finished:
         findings.append(Finding(f"{len(found.runs)} of {total} runs are done.", "open", "Repeat the command."))
     truth = ((name, *ends) for name, ends in found.truth.items())
+    # Differences between the runs, and between the true drive and the assumed one.
+    topic, setup = Topic("control", "method"), str(found.about.get("setup_about", ""))
+    each = plural(found.count, "member") if found.spread else f"{plural(found.count, 'seed')} of noise"
+    notes = [topic.say("members" if found.spread else "seeds", each=each)]
+    notes.append(topic.say("about" if setup else "setup", name=found.setup, about=setup))
+    for name, tuning in found.about["laws"].items():
+        if tuning["believes"] != found.drive:
+            notes.append(topic.say("believes", law=name, drive=tuning["believes"]))
+    notes += [topic.say("mismatch", mismatch=found.mismatch)] if found.mismatch else []
+    notes += [topic.say("spread", spread=found.spread)] if found.spread else []
     return View(
         f"{found.drive} under {plural(len(found.laws), 'law')} of control, {plural(len(found.runs), 'simulated run')}",
         [value for along in found.references for value in found.values(along, measures)],
-        notes=tuple(_conditions(found)),
+        notes=tuple(notes),
         state="bad" if failed else "good" if found.is_finished else "open",
         leading=leading[:MOST_LEADING],
         findings=findings,
@@ -341,57 +333,31 @@ def _called(name: str, text: str) -> str:
     return text if name == text else f"{name} ({text})"
 
 
-def _conditions(found: ControlComparison) -> Iterator[str]:
-    """Yield the differences between the runs, and between the true drive and the assumed one."""
-    topic, setup = Topic("control", "method"), str(found.about.get("setup_about", ""))
-    each = plural(found.count, "member") if found.spread else f"{plural(found.count, 'seed')} of noise"
-    yield topic.say("members" if found.spread else "seeds", each=each)
-    yield topic.say("about" if setup else "setup", name=found.setup, about=setup)
-    for name, tuning in found.about["laws"].items():
-        if tuning["believes"] != found.drive:
-            yield topic.say("believes", law=name, drive=tuning["believes"])
-    if found.mismatch:
-        yield topic.say("mismatch", mismatch=found.mismatch)
-    if found.spread:
-        yield topic.say("spread", spread=found.spread)
-
-
 def _reference_figures(found: ControlComparison) -> Iterator[ShownFigure]:
-    """Yield, for each reference, the errors of all members of a spread, and the tracks of all laws."""
-    for number, along in enumerate(found.references, 1):
-        yield from _boxes(found, number, along) if found.spread else ()
-        yield from _tracks(found, number, along)
-
-
-def _boxes(found: ControlComparison, number: int, along: str) -> Iterator[ShownFigure]:
-    """Yield the largest errors of all members of a spread, a box for each law."""
-    each = [[run.score.max_error_m for run in found.of(law, along) if run.score is not None] for law in found.laws]
-    marks = [mark for position, values in enumerate(each) if values for mark in box_marks(position, values)]
-    if marks:
-        x = Axis(f"largest error / {error_unit(each)}", "log")
-        laws = Axis(names=found.laws, low=len(each) - 0.5, high=-0.5)
-        called = _called(along, found.references[along])
-        caption = Topic("control", "reference").say("boxes", called=called, spread=found.spread)
-        figure = Figure([Panel(marks)], x, laws, row_in=0.5 + 0.34 * len(each), rest_in=0.0)
-        yield ShownFigure(f"boxes-{number}", caption, figure)
-
-
-def _tracks(found: ControlComparison, number: int, along: str) -> Iterator[ShownFigure]:
-    """Yield the tracks of all laws in one picture, with their errors."""
-    tracks, references, errors = [], [], []
-    for run, track in tracks_of(found, along):
-        part, own = thin(track["time_s"], MOST_SHOWN), look(found.laws.index(run.law))
-        time, position, reference, error = (values[part] for values in track.values())
-        tracks.append(Line(time, position, run.law, own, 0.9))
-        references.append(Line(time, reference, "reference", Look("red"), 0.6))
-        errors.append(Line(time, error, look=own, width=0.9))
-    if tracks:
-        error = Axis(f"error / {error_unit([line.y for line in errors])}", "far")
-        positions = Panel([*tracks, *references[:1]], y="position / mm")
-        which, called = "member 1" if found.spread else "first seed", _called(along, found.references[along])
-        caption = Topic("control", "reference").say("tracks", which=which, called=called)
-        panels = [positions, Panel([*errors, Rule(y=0.0)], y=error)]
-        yield ShownFigure(f"tracks-{number}", caption, stack(panels, 4.2))
+    """Yield, for each reference, the errors of all members of a spread, and the tracks and errors of all laws."""
+    topic = Topic("control", "reference")
+    for number, (along, text) in enumerate(found.references.items(), 1):
+        called = _called(along, text)
+        each = [[run.score.max_error_m for run in found.of(law, along) if run.score is not None] for law in found.laws]
+        if found.spread and any(each):
+            marks = [mark for position, values in enumerate(each) if values for mark in box_marks(position, values)]
+            x = Axis(f"largest error / {error_unit(each)}", "log")
+            laws = Axis(names=found.laws, low=len(each) - 0.5, high=-0.5)
+            figure = Figure([Panel(marks)], x, laws, row_in=0.5 + 0.34 * len(each), rest_in=0.0)
+            yield ShownFigure(f"boxes-{number}", topic.say("boxes", called=called, spread=found.spread), figure)
+        tracks, references, errors = [], [], []
+        for run, track in tracks_of(found, along):
+            part, own = thin(track["time_s"], MOST_SHOWN), look(found.laws.index(run.law))
+            time, position, reference, error = (values[part] for values in track.values())
+            tracks.append(Line(time, position, run.law, own, 0.9))
+            references.append(Line(time, reference, "reference", Look("red"), 0.6))
+            errors.append(Line(time, error, look=own, width=0.9))
+        if tracks:
+            error = Axis(f"error / {error_unit([line.y for line in errors])}", "far")
+            positions = Panel([*tracks, *references[:1]], y="position / mm")
+            caption = topic.say("tracks", which="member 1" if found.spread else "first seed", called=called)
+            figure = stack([positions, Panel([*errors, Rule(y=0.0)], y=error)], 4.2)
+            yield ShownFigure(f"tracks-{number}", caption, figure)
 
 
 def box_marks(position: int, values: Sequence[float]) -> Iterator[Any]:

@@ -22,8 +22,8 @@ if TYPE_CHECKING:
     import polars as pl
 
     from pneudrive.arrays import Keyed
-    from pneudrive.report.page import Blocks, Section
-    from pneudrive.validate.motion import Closure, MotionValidation
+    from pneudrive.report.page import Blocks
+    from pneudrive.validate.motion import MotionValidation
 
 MOST_RECORDS, MOST_STOPS = 6, 60
 DIRECTIONS = {0: "both", 1: "+x", -1: "-x"}
@@ -42,7 +42,14 @@ def validation_view(content: Keyed, run: Callable[[int], Keyed | None]) -> View:
         Function from the index of a record to the columns of its run, or None if the file is missing.
     """
     records, diagnosis = content["record"], content["diagnosis"]
-    leading, causes = tuple(map(_leading, content["verdict"])), diagnosis.get("culprit", [])
+    leading, causes = [], diagnosis.get("culprit", [])
+    for verdict in content["verdict"]:
+        (words, factor), met = Topic("validation", "verdicts").texts[verdict["what"]], verdict.get("met")
+        if met is None:
+            leading.append(ShownValue(verdict["what"], "", "", verdict["text"], state="open"))
+        else:
+            value, limit = (factor * verdict[key] for key in ("value", "target"))
+            leading.append(ShownValue(verdict["what"], "", words, value, "%", limit=limit, state=MET[met]))
     why = diagnosis.get("why", [cause["text"] for cause in causes])
     state: State = "good" if diagnosis["clean"] and not causes else "open"
     findings = [Finding(text, state, f"Remedy: {remedy}" if remedy else "") for text, _, remedy in
@@ -54,10 +61,10 @@ def validation_view(content: Keyed, run: Callable[[int], Keyed | None]) -> View:
             figures.append(ShownFigure(f"record-{number + 1}", caption, channel_figure(columns)))
     tested = [value.state for value in leading if value.limit is not None]
     missed = tested.count("bad")
-    verdict = f"misses {missed} of {len(tested)} targets" if missed else "meets its tested targets"
-    words = verdict if tested else "is not tested"
+    answer = f"misses {missed} of {len(tested)} targets" if missed else "meets its tested targets"
+    answer = answer if tested else "is not tested"
     return View(
-        f"{content['provenance']['drive']} {words} on {plural(len(records), 'recording')}",
+        f"{content['provenance']['drive']} {answer} on {plural(len(records), 'recording')}",
         [row for record in records for row in _rows(record)],
         notes=content["notes"],
         state="bad" if any(value.state == "bad" for value in leading) else state,
@@ -66,14 +73,6 @@ def validation_view(content: Keyed, run: Callable[[int], Keyed | None]) -> View:
         tables=[table for table in _tables(content) if table.rows],
         figures=figures,
     )
-
-
-def _leading(verdict: Keyed) -> ShownValue:
-    (words, factor), met = Topic("validation", "verdicts").texts[verdict["what"]], verdict.get("met")
-    if met is None:
-        return ShownValue(verdict["what"], "", "", verdict["text"], state="open")
-    value, limit = (factor * verdict[key] for key in ("value", "target"))
-    return ShownValue(verdict["what"], "", words, value, "%", limit=limit, state=MET[met])
 
 
 def _rows(record: Keyed) -> Iterator[ShownValue]:
@@ -141,7 +140,14 @@ def write_validation_report(found: Validation, folder: str | Path) -> Path:
     about = (Topic("validation", key) for key in ("metrics", "why", "breakaway"))
     words = (topic.text(window_s=found.window_s) for topic in about)
     parts = page.sections_of("validation", {"whiteness": _noise}, found)
-    parts += [Topic("validation", "about").section(*words), _provenance(found)]
+    topic, rows = Topic("validation", "provenance"), []
+    for record in found.records:
+        r, badge = record.recording, found.badge(record) or None
+        rows.append((r.name, badge, str(r.source) if r.source else None, len(r), r.sha256[:16]))
+    origin = topic.text("synthetic" if found.synthetic else "measured")
+    drive = Paragraph(found.drive.to_toml().strip(), "code")
+    provenance = topic.section(origin, topic.table(rows), drive, synthetic=False)
+    parts += [Topic("validation", "about").section(*words), provenance]
     return view_report(found.view(), *parts, synthetic=found.synthetic).write(folder)
 
 
@@ -156,21 +162,6 @@ def _noise(topic: Topic, found: Validation) -> Blocks:
     yield topic.table(rows)
 
 
-def _provenance(found: Validation) -> Section:
-    topic = Topic("validation", "provenance")
-    recordings = ((r.recording, found.badge(r) or None) for r in found.records)
-    rows = (
-        (r.name, badge, str(r.source) if r.source else None, len(r), r.sha256[:16])
-        for r, badge in recordings
-    )  # fmt: skip
-    return topic.section(
-        topic.text("synthetic" if found.synthetic else "measured"),
-        topic.table(rows),
-        Paragraph(found.drive.to_toml().strip(), "code"),
-        synthetic=False,
-    )
-
-
 # --- friction --------------------------------------------------------------------------------------------------------
 
 
@@ -183,21 +174,20 @@ def friction_view(found: FrictionValidation) -> View:
         ShownValue("largest", "", "largest difference", m.largest, "N"),
         ShownValue("inside", "", "the law is within the band of", 100 * found.inside, "% of the points"),
     )
-    law = Topic("validation", "curves")
+    law, rows = Topic("validation", "curves"), []
+    for points in curves:
+        whole, mean = agreement(points), (points["model_n"] - points["friction_n"]).mean()
+        condition, direction, *_ = points.row(0)
+        inside = fraction_inside(points)
+        rows.append((condition, DIRECTIONS[direction], points.height, mean, whole.largest, whole.nrmse, inside))
     return View(
         f"friction of {found.drive.name} against {found.source.name}",
         state=MET[found.met],
         leading=leading,
-        tables=(Topic("validation", "friction-conditions").table(map(_of_curve, curves)),),
+        tables=(Topic("validation", "friction-conditions").table(rows),),
         figures=(ShownFigure("friction", law.texts["pictures"]["friction"], friction_figure(curves)),),
         notes=(law.say(),),
     )
-
-
-def _of_curve(points: pl.DataFrame) -> tuple[object, ...]:
-    found, mean = agreement(points), (points["model_n"] - points["friction_n"]).mean()
-    condition, direction, *_ = points.row(0)
-    return condition, DIRECTIONS[direction], points.height, mean, found.largest, found.nrmse, fraction_inside(points)
 
 
 def friction_figure(curves: list[pl.DataFrame]) -> Figure:
@@ -226,10 +216,14 @@ def motion_view(found: MotionValidation) -> View:
     if found.solution is not None:
         figure = comparison_figure(fitted_pressures(found.solution))
         figures.append(ShownFigure("pressures", topic.say("pressures"), figure))
+    panels, rows = [], []
+    for c in found.closures:
+        residual = Markers(c.time_s, c.residual_n / c.range_n, look=drawing.RESIDUAL, size=1.0)
+        panels.append(Panel([residual], c.name))
+        gains = "; ".join(f"{name} {g.value:.3f} [{g.low:.3f}, {g.high:.3f}]" for name, g in c.gains.items())
+        viscous = f"{c.viscous.value:.0f} [{c.viscous.low:.0f}, {c.viscous.high:.0f}]"
+        rows.append((c.name, c.rms_n, c.share, c.offset_n, gains or None, viscous, c.correlation))
     if found.closures:
-        dots, each = drawing.RESIDUAL, found.closures
-        residuals = {c.name: Markers(c.time_s, c.residual_n / c.range_n, look=dots, size=1.0) for c in each}
-        panels = [Panel([markers], name) for name, markers in residuals.items()]
         figures.append(ShownFigure("closure", topic.say("residual"), figure_of("closure", panels)))
         notes += [*map(str, found.closures), topic.say()]
     return View(
@@ -237,12 +231,6 @@ def motion_view(found: MotionValidation) -> View:
         notes=notes,
         state=worst(findings),
         findings=findings,
-        tables=(topic.table(map(_force_row, found.closures)),) if found.closures else (),
+        tables=(topic.table(rows),) if found.closures else (),
         figures=figures,
     )
-
-
-def _force_row(c: Closure) -> tuple[object, ...]:
-    gains = "; ".join(f"{name} {g.value:.3f} [{g.low:.3f}, {g.high:.3f}]" for name, g in c.gains.items())
-    viscous = f"{c.viscous.value:.0f} [{c.viscous.low:.0f}, {c.viscous.high:.0f}]"
-    return c.name, c.rms_n, c.share, c.offset_n, gains or None, viscous, c.correlation
