@@ -14,16 +14,16 @@ from pneudrive.describe.files import toml
 from pneudrive.errors import FitError, nearest, package_table
 from pneudrive.estimate.estimates import student, whole_interval
 from pneudrive.files.inputs import INPUTS, located, stored_beside
-from pneudrive.identify.export import Exported, SlidingCurve, export, middle_of
+from pneudrive.identify.export import Exported, SlidingCurve, export
 from pneudrive.identify.identified import FittedData, Identified, comparison_figure
 from pneudrive.lazy_names import upper
 from pneudrive.numbers import plain
 from pneudrive.simulation.trajectory import write_whole
 from pneudrive.units import readable
-from pneudrive.views import MOST_LEADING, Finding, ShownFigure, ShownTable, ShownValue, View, Viewed
+from pneudrive.views import MOST_LEADING, Finding, ShownFigure, ShownValue, View, Viewed
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+    from collections.abc import Callable, Iterable, Mapping, Sequence
 
     from numpy.typing import ArrayLike
     from typing_extensions import Self
@@ -370,7 +370,8 @@ class Fit(Viewed):
         """
         if not self.WORDS["has_profile"]:
             raise FitError.of("identify.no_profile", title=self.TITLE)
-        names = list(self.profile_names if names is None else names)
+        sensors = getattr(self, "sensors", ())
+        names = [name for name in self.free if name not in sensors] if names is None else list(names)
         for name in names:
             if name not in self.free:
                 raise FitError(f"{name} was not free in this fit", remedy=nearest(name, self.free))
@@ -379,11 +380,6 @@ class Fit(Viewed):
         if not self.converged:
             raise FitError.of("identify.not_converged")
         return {name: self.profiler(name) for name in names}
-
-    @property
-    def profile_names(self) -> tuple[str, ...]:
-        """Default names of `profile`."""
-        return self.free
 
     def findings(self) -> tuple[Finding, ...]:
         """Return undetermined values with their remedies, one finding for all values with the same reason."""
@@ -412,9 +408,13 @@ class Fit(Viewed):
         FitError
             The fit has no friction, or no range of measured speeds.
         """
-        said, sides = self.provenance, (("a", gauge_a_pa), ("b", gauge_b_pa))
-        a, b = (middle_of(gauge_pa, said.get(f"gauge_{side}_pa")) for side, gauge_pa in sides)
-        return self._curve(speeds_m_s or said.get("speed_m_s"), (a, b))
+        gauges = {"gauge_a_pa": gauge_a_pa, "gauge_b_pa": gauge_b_pa}
+        for name, gauge_pa in gauges.items():
+            measured = self.provenance.get(name)
+            if gauge_pa is None and isinstance(measured, (list, tuple)):
+                gauges[name] = 0.5 * (float(measured[0]) + float(measured[1]))
+        a, b = (gauge_pa or 0.0 for gauge_pa in gauges.values())
+        return self._curve(speeds_m_s or self.provenance.get("speed_m_s"), (a, b))
 
     def _curve(self, speeds_m_s: Any, gauges_pa: Pair) -> SlidingCurve:  # noqa: ANN401 - checked below
         """Return the curve between two speeds at the gauge pressures of the chambers."""
@@ -642,9 +642,29 @@ class Fit(Viewed):
 
     def view(self) -> View:
         """Return a view: values with intervals, undetermined values, notes, and measured and modelled values."""
-        every = self.compared()
+        every, lost = self.compared(), names_of(self.undetermined)
         caption = f"Measured and modelled values, and their difference, which should look like noise: {len(every)}."
-        rows = [cell for name, value in self._shown().items() for cell in self._cells(name, value)]
+        rows = []
+        for name, value in self._shown().items():
+            unit, ends = self.units[name], self.intervals.get(name)
+            size = readable(unit)[0]
+            rows.append(ShownValue(name, name, "value", value, unit, ends, "data" if name in self.free else "stated"))
+            cells = {}  # further columns of the row: state, U (k = 2), model error and details
+            if name in lost or not np.isfinite(value):
+                cells["state"] = "not determined"
+            elif name not in self.free:
+                cells["state"] = "fixed"
+            if ends is not None and self.systematic.get(name, 0.0) > 0.0:
+                cells["U (k = 2)"] = plain(self.expanded_uncertainty(name) / size, 2)
+            if ends is not None and name in self.model_errors:
+                cells["model ±"] = plain(self.model_errors[name] / size, 2)
+            for key, words in self.WORDS["details"].items():
+                found = self.details.get(name, {}).get(key)
+                if isinstance(found, float):
+                    cells[words] = f"{100 * found:.0f} %"
+                elif found is not None:
+                    cells[words] = " .. ".join(plain(v / size, 5) for v in found)
+            rows += [ShownValue(f"{name}.{key}", name, key, text, origin="text") for key, text in cells.items()]
         known = [replace(row, quantity=row.label) for row in rows if row.interval is not None]
         is_wrong = not self.converged or not getattr(self, "fits", True)
         words = [MODEL_ERROR_WORDS] if self.intervals and self.model_errors else []
@@ -657,7 +677,6 @@ class Fit(Viewed):
             state="bad" if is_wrong else "open" if self.undetermined else "good",
             leading=known[:MOST_LEADING],
             findings=self.findings(),
-            tables=self._tables(),
             figures=(ShownFigure("residuals", caption, comparison_figure(every)),) if every else (),
         )
 
@@ -665,29 +684,6 @@ class Fit(Viewed):
         """Return the lines on residuals."""
         return []
 
-    def _tables(self) -> tuple[ShownTable, ...]:
-        """Return tables of recordings and other models."""
-        return ()
-
     def _shown(self) -> NamedNumbers:
         """Return the values of the table."""
         return self.free_values()
-
-    def _cells(self, name: str, value: float) -> Iterator[ShownValue]:
-        """Yield the cells of a value: value, state, U (k = 2), model error and details."""
-        size, ends = readable(self.units[name])[0], self.intervals.get(name)
-        cells = {}
-        if name in names_of(self.undetermined) or not np.isfinite(value):
-            cells["state"] = "not determined"
-        elif name not in self.free:
-            cells["state"] = "fixed"
-        if ends is not None and self.systematic.get(name, 0.0) > 0.0:
-            cells["U (k = 2)"] = plain(self.expanded_uncertainty(name) / size, 2)
-        if ends is not None and name in self.model_errors:
-            cells["model ±"] = plain(self.model_errors[name] / size, 2)
-        for key, words in self.WORDS["details"].items():
-            if (found := self.details.get(name, {}).get(key)) is not None:
-                is_fraction = isinstance(found, float)
-                cells[words] = f"{100 * found:.0f} %" if is_fraction else " .. ".join(plain(v / size, 5) for v in found)
-        yield ShownValue(name, name, "value", value, self.units[name], ends, "data" if name in self.free else "stated")
-        yield from (ShownValue(f"{name}.{key}", name, key, text, origin="text") for key, text in cells.items())

@@ -17,9 +17,10 @@ from pneudrive.estimate.estimates import rms, student
 from pneudrive.friction.pressure import MINIMUM_RANGE_PA
 from pneudrive.identify.identified import sentence
 from pneudrive.identify.static import model as sliding
-from pneudrive.identify.static.diagnose import choose_model, estimated, with_knee
+from pneudrive.identify.static.diagnose import choose_model, with_knee
 from pneudrive.identify.static.fit import assembled, fit_values
 from pneudrive.identify.static.result import FrictionFit
+from pneudrive.identify.static.robust import estimated
 from pneudrive.identify.static.survey import SPEED_SPAN, of_values, pressure_levels, row_labels
 from pneudrive.progress import Flag, Watch
 from pneudrive.repr_tables import Shown

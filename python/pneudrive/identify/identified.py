@@ -11,7 +11,7 @@ from fnmatch import fnmatchcase
 from typing import TYPE_CHECKING, Any
 
 from pneudrive import figures, units
-from pneudrive.describe import Circuit
+from pneudrive.describe import Circuit, Drive
 from pneudrive.describe.files import provenance
 from pneudrive.describe.marks import Quantity, StatedPressure, parameter_quantities
 from pneudrive.describe.tables.friction import assumed_with, friction_laws
@@ -23,10 +23,9 @@ from pneudrive.simulation.trajectory import meaning
 from pneudrive.units import readable
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Mapping
+    from collections.abc import Iterable, Mapping
 
     from pneudrive.arrays import Array, Interval, Keyed, NamedNumbers, Plain
-    from pneudrive.describe.drive import Drive
 
 
 # --- Sentences of fits, from sentences.toml.
@@ -347,15 +346,14 @@ def written_as(value: float, mark: Written | None) -> str | float:
 
 def _ends(interval: Interval, mark: Written | None) -> list[str | float]:
     """Write both ends of an interval, rounded outwards."""
-    return [written_as(_outward(*end), mark) for end in zip(interval, (math.floor, math.ceil), strict=True)]
-
-
-def _outward(value: float, way: Callable[[float], int]) -> float:
-    """Round an end of an interval, down or up."""
-    if not math.isfinite(value) or value == 0.0:
-        return value
-    step = 10.0 ** (math.floor(math.log10(abs(value))) - DIGITS + 1)
-    return float(f"{way(value / step) * step:.{DIGITS}g}")
+    ends = []
+    for end, outward in zip(interval, (math.floor, math.ceil), strict=True):
+        value = end
+        if math.isfinite(end) and end != 0.0:
+            step = 10.0 ** (math.floor(math.log10(abs(end))) - DIGITS + 1)
+            value = float(f"{outward(end / step) * step:.{DIGITS}g}")
+        ends.append(written_as(value, mark))
+    return ends
 
 
 def joined(names: tuple[str, ...]) -> str:
@@ -396,10 +394,6 @@ class Dependences:
         """Return the modifiers from a table of fit.toml."""
         known: Plain = {**content, "notes": tuple(content.get("notes", ()))}
         return cls(**known)
-
-    def for_law(self, law: str) -> Dependences:
-        """Return the modifiers for a law; relaxation is left out if the law has no bristles."""
-        return self if friction_laws()[law]["bristles"] else self.without("relaxation")
 
     def without(self, key: str) -> Dependences:
         """Return the modifiers without the one under this key."""

@@ -32,7 +32,7 @@ from pneudrive.identify.base import Fit, FitFile, Undetermined, recording_tables
 from pneudrive.identify.dynamic.fit import noise_of, solve
 from pneudrive.identify.dynamic.problem import FitProblem, FittedRecording, Iterate
 from pneudrive.identify.dynamic.result import CORRELATED, LARGEST_REACH, applied_note, named_value, warn_of_mixture
-from pneudrive.identify.dynamic.search import Joined, SearchOptions, Solved, Watcher, join_segments, profile, solution
+from pneudrive.identify.dynamic.search import Misfit, Search, Solved, join_segments, profile, solution
 from pneudrive.identify.dynamic.sensors import Channel
 from pneudrive.identify.identified import FittedData, number_table, sentence, sentences, written_as
 from pneudrive.numbers import plain
@@ -180,12 +180,16 @@ def identify_volume(
     watch = Watch(progress, cancel)
     records = read_volume_recordings(recordings, layout)
     names, held = _free(tank, records, free)
-    watcher = Watcher(watch)
-    tried = [(_minima(one, records, names, watcher), one) for one in _linear_regions(tank, records)]
+    search = Search(watch, 0.0, RTOL)
+    variants, line = [tank], tank.line
+    if line is not None and "linear_above" not in line.to_dict():
+        highest = max(np.median(ratio[-LAST_SAMPLES:]) for ratio in _pressure_ratios(tank, records))
+        if highest > line.linear_above:  # a recording reaches the linear region, which is assumed: try a shorter one
+            variants.append(tank.replace({"line.linear_above": SHORT_REGION}))
+    tried = [(_minima(variant, records, names, search), variant) for variant in variants]
     minima, tank = min(tried, key=lambda found: found[0][0].cost)
     problem, _ = _problem(tank, records, names, watch)
-    options = SearchOptions(None, RTOL)
-    solved = solve(problem, minima[0].point, options, watcher)
+    solved = solve(problem, minima[0].point, search)
     others: list[Solved] = []  # further minima that the recordings cannot distinguish from the best one
     for minimum in minima[1:] if solved.converged else ():
         try:
@@ -195,19 +199,7 @@ def identify_volume(
         is_new = all(_is_apart(at, other.at) for other in (solved, *others))
         if converged and is_new and at.cost - solved.at.cost < student(solved.freedom) ** 2:
             others.append(solution(solved.problem, at))
-    return _result(tank, records, solved, others, held, options.notes)
-
-
-def _linear_regions(tank: Tank, records: list[VolumeRecording]) -> list[Tank]:
-    """Return the tank, and a variant with a shorter linear region of the flow.
-
-    The variant is only added if the linear region is assumed and a recording reaches it.
-    """
-    line = tank.line
-    if line is None or "linear_above" in line.to_dict():
-        return [tank]
-    highest = max(np.median(ratio[-LAST_SAMPLES:]) for ratio in _pressure_ratios(tank, records))
-    return [tank, tank.replace({"line.linear_above": SHORT_REGION})] if highest > line.linear_above else [tank]
+    return _result(tank, records, solved, others, held, search.notes)
 
 
 def _pressure_ratios(tank: Tank, records: list[VolumeRecording]) -> list[Array]:
@@ -302,39 +294,35 @@ def _problem(
     return FitProblem(parameters, [], transforms, experiments), Iterate(transforms.internal(values), starts)
 
 
-def _is_apart(one: Joined, other: Joined) -> bool:
+def _is_apart(one: Misfit, other: Misfit) -> bool:
     return bool(np.abs(one.point.eta - other.point.eta).max() > APART)
 
 
-def _minima(tank: Tank, records: list[VolumeRecording], names: list[str], watcher: Watcher) -> list[Joined]:
+def _minima(tank: Tank, records: list[VolumeRecording], names: list[str], search: Search) -> list[Misfit]:
     """Search from several starts on thinned samples; return the minima of the cost, best first."""
-    bends = [i for i, name in enumerate(names) if name in BENDS]
-    problem, first = _problem(tank, [_thinned(r) for r in records], names, watcher.watch)
+    bends, thinned = [i for i, name in enumerate(names) if name in BENDS], []
+    for record in records:  # at most about a thousand samples, and those at which the line opens or shuts
+        keep = np.zeros(record.time_s.size, dtype=bool)
+        keep[:: max(record.time_s.size // ENOUGH_TO_START, 1)] = True
+        keep[1:] |= np.diff(record.opening) != 0.0
+        thinned.append(record.at(keep))
+    problem, first = _problem(tank, thinned, names, search.watch)
     problem.believed = first.states
-    found: list[Joined] = []
+    found: list[Misfit] = []
     for apart in [(0.0,) * len(bends), *product(*(BENDS[names[i]] for i in bends))]:
         eta = first.eta.copy()
         eta[bends] += apart
         try:
-            found.append(join_segments(problem, Iterate(eta, first.states), watcher)[0])
+            found.append(join_segments(problem, Iterate(eta, first.states), search)[0])
         except FitError:
             continue
     if not found:
         raise FitError("the tank cannot be simulated at the start values", remedy="Give other start values.")
-    distinct: list[Joined] = []
+    distinct: list[Misfit] = []
     for minimum in sorted(found, key=lambda one: one.cost):
         if all(_is_apart(minimum, known) for known in distinct):
             distinct.append(minimum)
     return distinct
-
-
-def _thinned(record: VolumeRecording) -> VolumeRecording:
-    """Return every k-th sample, at most about a thousand, and the samples at which the line opens or shuts."""
-    step = max(record.time_s.size // ENOUGH_TO_START, 1)
-    keep = np.zeros(record.time_s.size, dtype=bool)
-    keep[::step] = True
-    keep[1:] |= np.diff(record.opening) != 0.0
-    return record.at(keep)
 
 
 def _result(
@@ -393,13 +381,6 @@ def _result(
     )
 
 
-def _stated(tank: Tank, name: str) -> float:
-    """Return the value in the tank's description; 0 without a leak."""
-    own, _, key = NUMBERS[name][0].partition(".")
-    components = tank.expanded(tank.volume.leakage_m3_s_pa)["components"]
-    return next((one["numbers"][key] for one in components if one["name"] == own), 0.0)
-
-
 def _lost(
     tank: Tank, records: list[VolumeRecording], number: Parameter, value: float, low: float, high: float
 ) -> Undetermined | None:
@@ -408,7 +389,10 @@ def _lost(
     is_ratio = name == "line.critical_pressure_ratio"
     if max(value - low, high - value) <= LARGEST_REACH * (1.0 if is_ratio else value):
         return None
-    if low == 0.0 and high < LARGEST_REACH * _stated(tank, name):
+    part, _, key = NUMBERS[name][0].partition(".")
+    components = tank.expanded(tank.volume.leakage_m3_s_pa)["components"]
+    stated = next((one["numbers"][key] for one in components if one["name"] == part), 0.0)  # 0 without a leak
+    if low == 0.0 and high < LARGEST_REACH * stated:
         return None  # next to nothing: the recordings exclude the start value, which must not stay
     factor, unit = readable(number.unit)
     ends = {"below": plain(low / factor), "above": plain(high / factor), "unit": unit}

@@ -32,8 +32,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
     from pathlib import Path
 
-    from pneudrive.arrays import Array, Interval, Keyed, NamedIntervals, NamedNumbers, Pair
-    from pneudrive.identify.dynamic.sensors import SensorParameter
+    from pneudrive.arrays import Array, Keyed, NamedIntervals, NamedNumbers, Pair
     from pneudrive.signals.drive_recording import DriveRecording, VolumeRecording
     from pneudrive.signals.recording import Recording
 
@@ -46,7 +45,7 @@ FORCES = ("friction.coulomb", "friction.breakaway")
 
 
 def transforms_of(
-    parameters: Sequence[Parameter], sensors: Sequence[SensorParameter], drive: Drive | Circuit
+    parameters: Sequence[Parameter], sensors: Sequence[sensing.SensorParameter], drive: Drive | Circuit
 ) -> Transforms:
     """Return the coordinates of the free values of a drive or a circuit and of the sensors.
 
@@ -188,7 +187,7 @@ def identify(
     columns = {} if axis is None else {full: short for short, full in axis[1]}
     records = read_drive_recordings(recordings, layout, ("time_s", "command"), gaps=True, names=columns)
     present = [sensing.channels_in(record, channels) for record in records]
-    options = search.SearchOptions(SEGMENT_S, RTOL, axis=axis)
+    options = search.Search(Watch(progress, cancel), SEGMENT_S, RTOL, axis=axis)
     numbers = numbers_of(drive)
     piston = PISTON if axis is None else axis[0]
     stroke_m = numbers[f"{piston}.stroke"].value
@@ -203,7 +202,6 @@ def identify(
     described = sensing.channels_of(names, sensors)
     options.delay_s = sensing.command_delay(sensors)
     parameters = _resolvable(drive, chosen(drive, free), records, described, options)
-    watcher = search.Watcher(Watch(progress, cancel))
 
     def attempt(values: Array | None) -> search.Solved:
         """Search from start values, with recordings cut into segments as set in `options`."""
@@ -212,9 +210,10 @@ def identify(
         experiments, states = [], []
         for record, channels in zip(records, present, strict=True):
             own = [described[name] for name in channels]
-            starts = segment_starts(record.time_s, options.first_segment_s(record))
+            least_s = search.LEAST_SEGMENT_SAMPLES * (record.duration_s / (len(record) - 1))
+            starts = segment_starts(record.time_s, min(options.segment_s, max(options.lengths_s[0], least_s)))
             noise = np.array([noise_of(c, record, options.rtol) for c in own])
-            how = options.rtol, THREADS, options.delay_s or 0.0, watcher.watch
+            how = options.rtol, THREADS, options.delay_s or 0.0, options.watch
             experiments.append(FittedRecording(record, own, starts, family, noise, *how))
             states.append(start_states(experiments[-1], drive, start))
         recorded = [(one.recording.name, one.channels) for one in experiments]
@@ -222,15 +221,15 @@ def identify(
         transforms = transforms_of(parameters, free_sensors, drive)
         problem = FitProblem(parameters, free_sensors, transforms, experiments)
         first = transforms.internal(np.r_[start, [sensing.START[s.kind] for s in free_sensors]])
-        return solve(problem, Iterate(first, states), options, watcher)
+        return solve(problem, Iterate(first, states), options)
 
     best = _best_of_attempts(attempt, options)
     for experiment in best.problem.experiments:
         experiment.watch = UNWATCHED  # later calls on the fit have their own watch
-    return assembled(drive, best, options, watcher.count)
+    return assembled(drive, best, options)
 
 
-def _best_of_attempts(attempt: Callable[[Array | None], search.Solved], options: search.SearchOptions) -> search.Solved:
+def _best_of_attempts(attempt: Callable[[Array | None], search.Solved], options: search.Search) -> search.Solved:
     """Search; if the result does not fit the motion, repeat with shorter segments as long as that helps.
 
     Errors of short segments are small even for wrong values. A search with short segments therefore avoids local
@@ -270,7 +269,7 @@ def _resolvable(
     parameters: list[Parameter],
     records: list[DriveRecording],
     described: dict[str, sensing.Channel],
-    options: search.SearchOptions,
+    options: search.Search,
 ) -> list[Parameter]:
     """Hold the bristle damping if the encoder does not resolve the bristles."""
     damping = [p for p in parameters if p.name.endswith("friction.bristle_damping")]
@@ -307,22 +306,21 @@ def noise_of(channel: sensing.Channel, record: DriveRecording | VolumeRecording,
 def solve(
     problem: FitProblem,
     point: Iterate,
-    options: search.SearchOptions,
-    watcher: search.Watcher,
+    options: search.Search,
 ) -> search.Solved:
     """Search, and estimate the noise of the sensors from the residuals, until the noise converges.
 
     The residuals of a search that stops early are used as noise only in the last attempt.
     """
     converged = False
-    watcher.point, at = point, None
+    options.point, at = point, None
     family = problem.experiments[0].family
     believed = [s.copy() for s in point.states]
     try:
-        if options.segment_s is not None:
+        if options.segment_s:
             for length_s in (*options.lengths_s[1:], options.segment_s):
-                point = _regrouped(problem, search.predict_segments(problem, point, watcher), length_s)
-                watcher.point = point
+                point = _regrouped(problem, search.predict_segments(problem, point, options), length_s)
+                options.point = point
         problem.believed = believed
         stages = (False,) if options.axis is None else (False, True)
         for is_whole in stages:
@@ -331,35 +329,29 @@ def solve(
                 for experiment in problem.experiments:  # the solver's error adds up over a long segment
                     experiment.rtol = max(LAST_RTOL * options.rtol, 1e-12)
             for _ in range(NOISE_ROUNDS):
-                at, converged = search.join_segments(problem, point, watcher)
+                at, converged = search.join_segments(problem, point, options)
                 point = at.point
                 if not (converged or options.is_last) or not _renew_noise(problem, at, options.rtol):
                     break
         if converged and family.settle(problem.values(point.eta)[: problem.drive_size]):
-            at, converged = search.join_segments(problem, point, watcher)
+            at, converged = search.join_segments(problem, point, options)
     except KeyboardInterrupt:
         options.interrupted = True
         problem.held[:], problem.is_separate, problem.believed = False, False, believed
         options.notes.append("the search was interrupted: these are the best values so far")
-        point, at, converged = watcher.point, None, False
+        point, at, converged = options.point, None, False
     if at is None:
         at = search.linearise(problem, point, problem.run(point, "end"))
-    over = _over_noise(problem, at)
-    missed = {name: ratio for name, ratio in over.items() if ratio > MISFIT and not options.interrupted}
-    score = float(np.mean(np.log([max(ratio, 1e-9) for ratio in over.values()])))
-    found = search.solution(problem, at)
-    return replace(found, converged=converged, missed=missed, score=score, segment_s=options.segment_s)
-
-
-def _over_noise(problem: FitProblem, at: search.Misfit) -> NamedNumbers:
-    """Return the residuals of each channel in the worst recording, relative to its sample-to-sample noise."""
-    worst: NamedNumbers = {}
+    over: NamedNumbers = {}  # residuals of each channel in the worst recording, relative to sample-to-sample noise
     for i, c, residual in problem.valid(at.residuals):
         experiment = problem.experiments[i]
         channel, own = experiment.channels[c], experiment.noise[c] * rms(residual)
         white = max(sensing.white_noise(experiment.measured[:, c]), _least_noise(channel, RTOL))
-        worst[channel.name] = max(worst.get(channel.name, 0.0), own / white)
-    return worst
+        over[channel.name] = max(over.get(channel.name, 0.0), own / white)
+    missed = {name: ratio for name, ratio in over.items() if ratio > MISFIT and not options.interrupted}
+    score = float(np.mean(np.log([max(ratio, 1e-9) for ratio in over.values()])))
+    found = search.solution(problem, at)
+    return replace(found, converged=converged, missed=missed, score=score, segment_s=options.segment_s)
 
 
 def _regrouped(problem: FitProblem, point: Iterate, length_s: float | None) -> Iterate:
@@ -469,7 +461,10 @@ def identify_presliding(
     factor = _factor(drive, float(stiffness.mean()), level, top)
     each, count = {STIFFNESS: stiffness / factor, DAMPING: damping / factor}, len(slopes)
     values = {name: float(own.mean()) for name, own in each.items()}
-    ends = {name: _interval(own) for name, own in each.items()}
+    ends = {}  # 95 % interval of the mean over reversals; infinite for a single reversal
+    for name, own in each.items():
+        reach = float(student(count - 1) * own.std(ddof=1) / np.sqrt(count)) if count > 1 else np.inf
+        ends[name] = values[name] - reach, values[name] + reach
     return Presliding(
         values=values,
         units={STIFFNESS: "N/m", DAMPING: "N s/m"},
@@ -549,15 +544,6 @@ def _slope(reversal: Array, step: float) -> Pair | None:
     design = np.stack([f, f**2, v, np.ones_like(f)], axis=1) / sizes
     b, _, d, _ = np.linalg.lstsq(design, x, rcond=1e-8)[0] / sizes
     return (1.0 / b, -d / b) if b > 0.0 else None
-
-
-def _interval(values: Array) -> Interval:
-    """Return the 95 % interval of the mean over reversals; infinite for a single reversal."""
-    if values.size == 1:
-        return -np.inf, np.inf
-    mean, n = float(values.mean()), values.size
-    reach = float(student(n - 1) * values.std(ddof=1) / np.sqrt(n))
-    return mean - reach, mean + reach
 
 
 def _factor(drive: Drive, slope: float, level: float, speed: float) -> float:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pneudrive.arrays import Array, ArrayPair, Bools, Ints, NamedNumbers, by_name
-from pneudrive.describe.circuit import Circuit
+from pneudrive.describe import Circuit, Drive
 from pneudrive.errors import FitError
 from pneudrive.free.parameters import COMMAND_STEPS, DriveFamily, Parameter, at_rest
 from pneudrive.identify.dynamic.sensors import Channel, SensorParameter, lagged
@@ -19,9 +19,7 @@ from pneudrive.progress import UNWATCHED, Watch
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from pneudrive._core import Shooting
-    from pneudrive._core import Shot as CoreShot
-    from pneudrive.describe.drive import Drive
+    from pneudrive import _core
     from pneudrive.estimate.estimates import Transforms
     from pneudrive.signals.drive_recording import DriveRecording
 
@@ -205,9 +203,9 @@ class FittedRecording:
         derivatives: bool = False,
         by_start: Ints | None = None,
         outputs: Sequence[str] = (),
-    ) -> CoreShot:
+    ) -> _core.Shot:
         times, commands = delayed(*self.recording.steps, self.delay_s if delay_s is None else delay_s)
-        asked: Shooting = {
+        asked: _core.Shooting = {
             "times": times.tolist(),
             "commands": commands.tolist(),
             "sample_times": self.recording.time_s,

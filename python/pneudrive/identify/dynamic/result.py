@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 
 from pneudrive import __version__, _core
-from pneudrive.arrays import Array, Columns, NamedIntervals, NamedNumbers, Pair, Plain, by_name
+from pneudrive.arrays import Array, NamedIntervals, NamedNumbers, Pair, Plain, by_name
 from pneudrive.describe import Circuit, Drive
 from pneudrive.errors import FitError, PneudriveError, warn
 from pneudrive.estimate.estimates import intervals as intervals_at
@@ -33,7 +33,7 @@ from pneudrive.files.inputs import INPUTS, inputs_of
 from pneudrive.free.parameters import DriveFamily, Parameter, family_of, numbers_of
 from pneudrive.identify.base import HASH_DIGITS, SIMULATED, Fit, FitFile, Undetermined, recording_tables
 from pneudrive.identify.dynamic.problem import FitProblem, Iterate
-from pneudrive.identify.dynamic.search import SearchOptions, Solved, profile
+from pneudrive.identify.dynamic.search import Search, Solved, profile
 from pneudrive.identify.dynamic.sensors import CHANNELS
 from pneudrive.identify.export import SlidingCurve, curve_of_drive
 from pneudrive.identify.identified import FittedData, apply_identified, remedy_for, sentence, stated
@@ -169,11 +169,6 @@ class DriveFit(Fit, kind="drive"):
             "start": described.model_validate(start),
             "fits": bool(file.content.get("fits", True)),
         }
-
-    @property
-    def profile_names(self) -> tuple[str, ...]:
-        """Values of the drive, without those of its sensors."""
-        return tuple(self.values)
 
     @property
     def seconds(self) -> float:
@@ -420,8 +415,8 @@ def unresolved_damping(step_m: float, breakaway_n: float, stiffness_n_m: float) 
 CORRELATED, SOLVER_SHARE = 10.0, 0.1
 
 
-def assembled(drive: Drive | Circuit, solved: Solved, options: SearchOptions, steps: int) -> DriveFit:
-    """Return the fit from the best search; `steps` is the number of steps of all searches."""
+def assembled(drive: Drive | Circuit, solved: Solved, options: Search) -> DriveFit:
+    """Return the fit from the best solution of a search."""
     problem, parameters, records = solved.problem, solved.problem.parameters, solved.problem.records
     values, names, size = solved.values, problem.names, problem.drive_size
     covariance, reach = solved.covariance, student(solved.freedom)
@@ -449,7 +444,7 @@ def assembled(drive: Drive | Circuit, solved: Solved, options: SearchOptions, st
         details={n: {"sources": [r.name for r in records]} for n in names[:size]},
         undetermined=(),
         notes=tuple(_notes(drive, options, solved)),
-        statistics=_statistics(solved, steps),
+        statistics=_statistics(solved, options.count),
         converged=solved.converged,
         fits=not solved.missed,
         model_errors=model_errors(drive, solved),
@@ -460,7 +455,7 @@ def assembled(drive: Drive | Circuit, solved: Solved, options: SearchOptions, st
             "description_hash": drive.description_hash,
             "recordings": recording_tables(records),
             "start": {p.name: p.value for p in parameters},
-            "segment_s": solved.segment_s if solved.segment_s is not None else "one",
+            "segment_s": solved.segment_s,
             "rtol": options.rtol,
         },
         start=drive,
@@ -475,7 +470,7 @@ def assembled(drive: Drive | Circuit, solved: Solved, options: SearchOptions, st
     return replace(fit, undetermined=(*options.lost, *lost), notes=notes)
 
 
-def _notes(drive: Drive | Circuit, options: SearchOptions, solved: Solved) -> list[str]:
+def _notes(drive: Drive | Circuit, options: Search, solved: Solved) -> list[str]:
     notes, problem = list(options.notes), solved.problem
     if not solved.converged:
         if not options.interrupted:
@@ -499,7 +494,13 @@ def _notes(drive: Drive | Circuit, options: SearchOptions, solved: Solved) -> li
     if coloured and solved.converged:
         notes.append(f"residuals are correlated over time: {', '.join(coloured)}; the intervals allow for this")
     if solved.missed:
-        notes += [sentence("notes", "opposed", name=one.name) for one in problem.records if _opposes(one.columns)]
+        for record in problem.records:
+            if not {"pressure_a_pa", "pressure_b_pa"} <= record.columns.keys():
+                continue
+            command = record["command"][:-1]
+            rise_a, rise_b = (np.nansum(command * np.diff(record[f"pressure_{side}_pa"])) for side in "ab")
+            if rise_a < 0.0 < rise_b:  # pressure a falls and pressure b rises where the command is above 0
+                notes.append(sentence("notes", "opposed", name=record.name))
         off = ", ".join(f"{name} is off by {ratio:.2g} times its noise" for name, ratio in solved.missed.items())
         notes.append(sentence("notes", "misfit", missed=off))
     if any(r.synthetic for r in problem.records):
@@ -511,16 +512,6 @@ def named_value(name: str, si: float, unit: str, digits: int = 4) -> str:
     """Return a name with its value in the common unit."""
     factor, shown = readable(unit)
     return f"{name} = {plain(si / factor, digits)} {shown}".strip()
-
-
-def _opposes(columns: Columns) -> bool:
-    """Return whether pressure a falls and pressure b rises where the command is above 0."""
-    if not {"pressure_a_pa", "pressure_b_pa"} <= columns.keys():
-        return False
-    command = columns["command"][:-1]
-    rise_a = np.nansum(command * np.diff(columns["pressure_a_pa"]))
-    rise_b = np.nansum(command * np.diff(columns["pressure_b_pa"]))
-    return bool(rise_a < 0.0 < rise_b)
 
 
 def _statistics(solved: Solved, steps: int) -> NamedNumbers:

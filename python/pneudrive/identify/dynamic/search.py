@@ -26,7 +26,6 @@ if TYPE_CHECKING:
     from pneudrive.arrays import Array, ArrayPair, Interval, NamedNumbers, Pair
     from pneudrive.describe.system import ShortNames
     from pneudrive.identify.base import Undetermined
-    from pneudrive.signals.drive_recording import DriveRecording
 
 #: Fraction of the largest singular value of the scaled Jacobian below which a direction is ignored.
 SINGULAR_SHARE = 1e-4
@@ -55,20 +54,6 @@ MOST_CLOSINGS = 2
 ROUNDING = float(np.finfo(np.float64).eps)
 #: Shortest step of a search.
 SHORTEST = 1e-6
-
-
-class Watcher:
-    """Keeps the best point in case of an interruption, and reports each step."""
-
-    def __init__(self, watch: Watch) -> None:
-        self.watch, self.count = watch, 0
-        self.point: Iterate | None = None
-
-    def step(self, phase: str, point: Iterate) -> None:
-        """Register an accepted step; end the search if the user cancelled it."""
-        self.point = point
-        self.count += 1
-        self.watch.tell(self.count, 0, phase)
 
 
 def reduced(blocks: list[ArrayPair], size: int) -> ArrayPair:
@@ -112,7 +97,7 @@ def bounded_step(information: Array, gradient: Array, longest: float) -> Array:
 
 @dataclass(frozen=True)
 class Misfit:
-    """Deviation of the model from the recordings at a point of the search.
+    """Deviation of the model from the recordings at a point of the search, and its linearisation with joined segments.
 
     Attributes
     ----------
@@ -125,6 +110,12 @@ class Misfit:
         Largest gap, in units of the sizes of the states.
     residuals : list of ndarray, shape (n, c)
         Residuals in units of the noise, before the gaps are closed.
+    blocks : list of (ndarray, ndarray), shapes (P + s, P + s) and (P + s,)
+        Information and gradient of each recording, with respect to the global coordinates and its first start (in units
+        of its prior). Empty, like all that follows, without derivatives.
+    slopes : list of ndarray, shape (n, c, P + s)
+    carried : list of (ndarray, ndarray), shapes (k, s, P + s) and (k, s)
+        Derivative of each start with respect to the unknowns, and the change of each start that closes the gaps.
     """
 
     point: Iterate
@@ -132,25 +123,9 @@ class Misfit:
     merit: float
     gap: float
     residuals: list[Array]
-
-
-@dataclass(frozen=True)
-class Joined(Misfit):
-    """Misfit and linearisation of all recordings with joined segments, at a point of the search.
-
-    Attributes
-    ----------
-    blocks : list of (ndarray, ndarray), shapes (P + s, P + s) and (P + s,)
-        Information and gradient of each recording, with respect to the global coordinates and its first start (in units
-        of its prior).
-    slopes : list of ndarray, shape (n, c, P + s)
-    carried : list of (ndarray, ndarray), shapes (k, s, P + s) and (k, s)
-        Derivative of each start with respect to the unknowns, and the change of each start that closes the gaps.
-    """
-
-    blocks: list[ArrayPair]
-    slopes: list[Array]
-    carried: list[ArrayPair]
+    blocks: list[ArrayPair] = field(default_factory=list)
+    slopes: list[Array] = field(default_factory=list)
+    carried: list[ArrayPair] = field(default_factory=list)
 
 
 def judge(problem: FitProblem, point: Iterate, shots: list[Shot]) -> Misfit:
@@ -169,8 +144,8 @@ def judge(problem: FitProblem, point: Iterate, shots: list[Shot]) -> Misfit:
     return Misfit(point, cost, cost if problem.is_separate else cost + penalty, gap, residuals)
 
 
-def linearise(problem: FitProblem, point: Iterate, shots: list[Shot]) -> Joined:
-    """Return the normal equations of all recordings, from runs with derivatives.
+def linearise(problem: FitProblem, point: Iterate, shots: list[Shot]) -> Misfit:
+    """Return the misfit of a point with the normal equations of all recordings, from runs with derivatives.
 
     Raises
     ------
@@ -201,7 +176,7 @@ def linearise(problem: FitProblem, point: Iterate, shots: list[Shot]) -> Joined:
         blocks.append((information, gradient))
         slopes.append(jac)
         carried.append((by_unknown, closing))
-    return Joined(**vars(judge(problem, point, shots)), blocks=blocks, slopes=slopes, carried=carried)
+    return replace(judge(problem, point, shots), blocks=blocks, slopes=slopes, carried=carried)
 
 
 def _gaps(problem: FitProblem, point: Iterate, shot: Shot, i: int) -> Array:
@@ -236,7 +211,7 @@ def _condense(problem: FitProblem, point: Iterate, shot: Shot, i: int) -> ArrayP
     return by_unknown, closing
 
 
-def predict_segments(problem: FitProblem, point: Iterate, watcher: Watcher) -> Iterate:
+def predict_segments(problem: FitProblem, point: Iterate, search: Search) -> Iterate:
     """Run the first phase, until the point is near enough for the second phase.
 
     The noise is set to the present error of the model, but not below the noise of the sensors. Offsets are held,
@@ -266,7 +241,7 @@ def predict_segments(problem: FitProblem, point: Iterate, watcher: Watcher) -> I
             continue
         standing, longest = found
         point, closings = standing.point, 0
-        watcher.step("steps with separate segments", point)
+        search.step("steps with separate segments", point)
         if 1.0 - standing.cost / at.cost < SMALL_GAIN:
             break
         shots = problem.run(point, "reached")
@@ -278,7 +253,7 @@ def predict_segments(problem: FitProblem, point: Iterate, watcher: Watcher) -> I
 
 def _shortened(
     problem: FitProblem,
-    at: Joined,
+    at: Misfit,
     longest: float,
     share: float = 1.0,
 ) -> tuple[Misfit, float] | None:
@@ -303,7 +278,7 @@ def _shortened(
     return None
 
 
-def equations(problem: FitProblem, at: Joined) -> ArrayPair:
+def equations(problem: FitProblem, at: Misfit) -> ArrayPair:
     """Return information and gradient of the global coordinates, with prior knowledge of the sensors."""
     information, gradient = reduced(at.blocks, problem.size)
     information += np.diag(problem.prior)
@@ -315,13 +290,13 @@ def equations(problem: FitProblem, at: Joined) -> ArrayPair:
 
 
 def join_segments(
-    problem: FitProblem, point: Iterate, watcher: Watcher | None, most: int = MOST_STEPS
-) -> tuple[Joined, bool]:
+    problem: FitProblem, point: Iterate, search: Search | None, most: int = MOST_STEPS
+) -> tuple[Misfit, bool]:
     """Run the second phase to its end.
 
     Returns
     -------
-    Joined, bool
+    Misfit, bool
         Linearisation at the last accepted point, and whether the search converged.
     """
     at, longest = linearise(problem, point, problem.run(point, "segment")), LONGEST
@@ -346,8 +321,8 @@ def join_segments(
             return at, length < 1.0 and at.gap < SOLVER_GAP
         standing, longest = found
         at = linearise(problem, standing.point, problem.run(standing.point, "drive"))
-        if watcher is not None:
-            watcher.step("steps with joined segments", at.point)
+        if search is not None:
+            search.step("steps with joined segments", at.point)
     return at, False
 
 
@@ -363,7 +338,7 @@ class Solved:
     Attributes
     ----------
     problem : FitProblem
-    at : Joined
+    at : Misfit
     freedom : int
         Degrees of freedom.
     slopes : list of ndarray, shape (n, c, P)
@@ -379,12 +354,12 @@ class Solved:
         Channel -> residuals relative to its sample-to-sample noise, if larger than `MISFIT`.
     score : float
         Mean logarithm of the residuals relative to the sample-to-sample noise of each channel.
-    segment_s : float or None
-        Length of the segments.
+    segment_s : float
+        Length of the segments, s.
     """
 
     problem: FitProblem
-    at: Joined
+    at: Misfit
     freedom: int
     slopes: list[Array]
     inverse: Array
@@ -393,7 +368,7 @@ class Solved:
     converged: bool = True
     missed: NamedNumbers = field(default_factory=dict)
     score: float = np.nan
-    segment_s: float | None = None
+    segment_s: float = np.nan
 
     @property
     def values(self) -> Array:
@@ -428,7 +403,7 @@ class Solved:
         return by_coordinate @ self.internal_covariance @ by_coordinate.T
 
 
-def solution(problem: FitProblem, at: Joined) -> Solved:
+def solution(problem: FitProblem, at: Misfit) -> Solved:
     """Return the end point of a search from its linearisation."""
     matrix, _ = reduced(at.blocks, problem.size)
     matrix += np.diag(problem.prior)
@@ -517,10 +492,12 @@ LADDER_S, SECOND_LADDER_S, LEAST_SEGMENT_SAMPLES = (0.01, 0.04), (0.02, 0.08), 8
 
 
 @dataclass
-class SearchOptions:
-    """Options of a search, and its state."""
+class Search:
+    """Options of a search, its progress, and its best point in case of an interruption."""
 
-    segment_s: float | None
+    watch: Watch
+    #: Length of the segments after the first phase, s; 0 without a first phase.
+    segment_s: float
     rtol: float
     notes: list[str] = field(default_factory=list)
     lost: list[Undetermined] = field(default_factory=list)
@@ -532,15 +509,17 @@ class SearchOptions:
     #: Names of a circuit's axis. The search of a circuit ends with one segment, because a start does not contain the
     #: spool's position.
     axis: ShortNames | None = None
+    point: Iterate | None = None
+    #: Number of accepted steps.
+    count: int = 0
+
+    def step(self, phase: str, point: Iterate) -> None:
+        """Register an accepted step; end the search if the user cancelled it."""
+        self.point = point
+        self.count += 1
+        self.watch.tell(self.count, 0, phase)
 
     @property
     def is_last(self) -> bool:
         """Whether the segments are those of the last attempt."""
         return self.lengths_s == SECOND_LADDER_S
-
-    def first_segment_s(self, record: DriveRecording) -> float | None:
-        """Length of the first segments; None without a first phase."""
-        if self.segment_s is None:
-            return None
-        step = record.duration_s / (len(record) - 1)
-        return min(self.segment_s, max(self.lengths_s[0], LEAST_SEGMENT_SAMPLES * step))

@@ -117,37 +117,11 @@ class Channel:
     resolution: float = 0.0
     free: frozenset[str] = frozenset()
 
-    @property
-    def offset_spread(self) -> float:
-        """Prior standard deviation of a free offset, in the unit of the channel; the default is an assumption."""
-        return self.offset_uncertainty if np.isfinite(self.offset_uncertainty) else 5.0 * OFFSET_SIZE[self.unit]
-
 
 #: Free property -> start value. The lag is that of a pressure transducer with its tube (assumed).
 START = {"offset": 0.0, "gain": 1.0, "lag": 2e-3, "delay": 0.0}
 #: Typical offset by unit, which scales its coordinate.
 OFFSET_SIZE = {"m": 1e-3, "Pa": 1e3, "m/s": 1e-2, "K": 1.0, "N": 1.0, "m/s^2": 1.0}
-
-
-def channel(name: str, sensor: Sensor | Keyed) -> Channel:
-    """Convert a sensor, or its keywords, to SI.
-
-    Raises
-    ------
-    FitError
-        A keyword is unknown, or a quantity has another dimension or is out of bounds.
-    """
-    unit, known = meaning(CHANNELS[name])[1], [field.name for field in fields(Sensor)]
-    properties = vars(sensor) if isinstance(sensor, Sensor) else sensor
-    if unknown := [key for key in properties if key not in known]:
-        raise FitError(f"sensor {name}: {unknown[0]} is not known", remedy=nearest(str(unknown[0]), known))
-    free = frozenset(key for key, given in properties.items() if given == "free" and key in START)
-    values = {key: START[key] for key in free}
-    for key, given in properties.items():
-        if given is not None and key not in free:
-            least = -np.inf if key in ("offset", "gain") else 0.0
-            values[key] = _si(given, {"gain": "", "lag": "s"}.get(key, unit), f"{name}.{key}", least)
-    return Channel(name, CHANNELS[name], unit, **values, free=free)
 
 
 def command_delay(sensors: Mapping[str, Sensor | Keyed] | None) -> float | None:
@@ -181,12 +155,30 @@ def _si(given: Any, unit: str, what: str, least: float) -> float:  # noqa: ANN40
 
 
 def channels_of(names: list[str], sensors: Mapping[str, Sensor | Keyed] | None) -> dict[str, Channel]:
-    """Return the channels with the properties of their sensors, by name."""
-    said = {name: given for name, given in (sensors or {}).items() if name != "command"}
-    unknown = sorted(set(said) - set(names))
-    if unknown:
+    """Return the channels with the properties of their sensors in SI, by name.
+
+    Raises
+    ------
+    FitError
+        A channel or a keyword is unknown, or a quantity has another dimension or is out of bounds.
+    """
+    stated = {name: sensor for name, sensor in (sensors or {}).items() if name != "command"}
+    if unknown := sorted(set(stated) - set(names)):
         raise FitError.of("identify.no_channel", name=unknown[0], known=", ".join(names))
-    return {name: channel(name, said.get(name, {})) for name in names}
+    known, channels = [field.name for field in fields(Sensor)], {}
+    for name in names:
+        sensor, unit = stated.get(name, {}), meaning(CHANNELS[name])[1]
+        properties = vars(sensor) if isinstance(sensor, Sensor) else sensor
+        if unknown := [key for key in properties if key not in known]:
+            raise FitError(f"sensor {name}: {unknown[0]} is not known", remedy=nearest(str(unknown[0]), known))
+        free = frozenset(key for key, given in properties.items() if given == "free" and key in START)
+        values = {key: START[key] for key in free}
+        for key, given in properties.items():
+            if given is not None and key not in free:
+                least = -np.inf if key in ("offset", "gain") else 0.0
+                values[key] = _si(given, {"gain": "", "lag": "s"}.get(key, unit), f"{name}.{key}", least)
+        channels[name] = Channel(name, CHANNELS[name], unit, **values, free=free)
+    return channels
 
 
 #: Typical delay of a valve, s, which scales its coordinate (assumed).
@@ -227,8 +219,9 @@ def sensor_parameters(
     for channel in channels:
         for i, of in enumerate(which):
             if "offset" in channel.free and channel in recordings[i][1]:
-                name, sizes = f"{channel.name}.offset{of}", (channel.offset_spread, channel.offset_uncertainty)
-                out.append(SensorParameter("offset", channel.name, i, name, channel.unit, *sizes))
+                name, known = f"{channel.name}.offset{of}", channel.offset_uncertainty
+                size = known if np.isfinite(known) else 5.0 * OFFSET_SIZE[channel.unit]  # an assumption
+                out.append(SensorParameter("offset", channel.name, i, name, channel.unit, size, known))
         for kind, unit in (("gain", "1"), ("lag", "s")):
             if kind in channel.free:
                 out.append(SensorParameter(kind, channel.name, None, f"{channel.name}.{kind}", unit, 1.0, np.inf))

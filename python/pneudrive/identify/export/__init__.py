@@ -112,13 +112,6 @@ def speeds_over(between: object, source: str) -> Array:
     return np.geomspace(low, high, POINTS)
 
 
-def middle_of(given: float | None, measured: object) -> float:
-    """Return the requested pressure, or the middle of the measured range."""
-    if given is None and isinstance(measured, (list, tuple)):
-        return 0.5 * (float(measured[0]) + float(measured[1]))
-    return given or 0.0
-
-
 def curve_of_drive(
     drive: Drive,
     speeds_m_s: Interval | None,
@@ -137,8 +130,12 @@ def curve_of_drive(
     given = {f"friction.{key}" for key, _ in _written(drive.friction)}
     entries: dict[str, Entry] = {}
     for key, value in numbers.items():
-        if key not in given and _is_refused(drive, key, value):
-            continue
+        if key not in given:  # a default value: left out if the drive rejects its key
+            try:
+                drive.replace({key: value.mark.show(value.si) if isinstance(value.mark, Quantity) else value.si})
+            except DescriptionError as error:
+                if error.key == key:
+                    continue
         origin = drive.provenance.get(key)
         ends = origin.bounds_si(value.mark) if origin is not None else (np.nan, np.nan)
         unit = getattr(value.mark, "si_unit", "") or "1"
@@ -161,15 +158,6 @@ def _numbers_of_lists(part: Described, path: str) -> Iterator[tuple[str, GivenNu
 def _written(friction: Friction) -> Iterator[tuple[str, Any]]:
     """Yield the values that a friction table states, including those in lists, with dotted names."""
     return toml.leaves(friction.to_dict(), is_inner=lambda value: isinstance(value, dict | list))
-
-
-def _is_refused(drive: Drive, key: str, value: GivenNumber) -> bool:
-    """Return whether the drive rejects the key of a default value."""
-    try:
-        drive.replace({key: value.mark.show(value.si) if isinstance(value.mark, Quantity) else value.si})
-    except DescriptionError as error:
-        return error.key == key
-    return False
 
 
 def curve_of_friction(

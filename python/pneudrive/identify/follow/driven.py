@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from pneudrive.arrays import Array, ArrayPair, Bools, Columns, Interval, NamedNumbers, Pair, Plain
+    from pneudrive.arrays import Array, ArrayPair, Bools, Columns, Interval, NamedNumbers, Plain
     from pneudrive.signals.layout import AnyLayout
 
 MOST_GRID = 4500  # times at which pressures are compared
@@ -210,9 +210,12 @@ class DrivenCircuit:
         if len(pistons) != 1:
             raise FitError(**stated("readings", "pistons", count=len(pistons)))
         self.piston = pistons[0]
-        numbers = self.parts[self.piston]["numbers"]
+        kind, numbers = (self.parts[self.piston][key] for key in ("kind", "numbers"))
         self.stroke_m = numbers["stroke"]
-        self.areas_m2 = _areas(self.parts[self.piston]["kind"], numbers)
+        if "area_a" in numbers:
+            self.areas_m2 = numbers["area_a"], numbers["area_b"]
+        else:
+            self.areas_m2 = piston_areas(kind.partition("/")[2], numbers["bore"], numbers.get("rod_diameter", 0.0))
         self.tanks = {side: self._neighbour(side, "tank") for side in SIDES}
         self.machine = self._machine(numbers["moving_mass"])
         self.wall_k = {side: self._wall_k(side) for side in SIDES}
@@ -269,14 +272,20 @@ class DrivenCircuit:
         """
         found: dict[str, Number] = {}
         for name in asked:
-            found |= {number.name: number for number in (self._group(name) if name in GROUPS else [self._one(name)])}
+            kind, _, side = name.partition("_")
+            if name not in GROUPS:
+                component, _, key = name.removeprefix("components.").rpartition(".")
+                if component not in self.parts or not self.parts[component]["numbers"].get(key, 0.0) > 0.0:
+                    every = [(part, one["numbers"]) for part, one in self.parts.items()]
+                    positive = [f"{part}.{key}" for part, own in every for key, v in own.items() if v > 0.0]
+                    raise FitError(f"{name} cannot be free", remedy=nearest(name, [*GROUPS, *positive]))
+                numbers = [self._number(component, key)]
+            elif kind == "leak":
+                numbers = [self._leak(side)]
+            else:
+                numbers = [number for one in side or SIDES for number in self._of_chamber(name, one)]
+            found |= {number.name: number for number in numbers}
         return list(found.values())
-
-    def _group(self, name: str) -> list[Number]:
-        kind, _, side = name.partition("_")
-        if kind == "leak":
-            return [self._leak(side)]
-        return [number for one in side or SIDES for number in self._of_chamber(name, one)]
 
     def _of_chamber(self, name: str, side: str) -> list[Number]:
         kind, tank = name.partition("_")[0], self.tanks[side]
@@ -297,9 +306,11 @@ class DrivenCircuit:
     def _leak(self, side: str) -> Number:
         """Return the leak past the piston or to the ambient air, existing or added."""
         ends = (f"{self.piston}.{side or 'a'}", "ambient" if side else f"{self.piston}.b")
-        leaks = (name for name, part in self.parts.items() if part["kind"] == "leak")
-        name = next((name for name in leaks if self._ends(name) == {*ends}), "")
-        if not name:
+        possible = {"ambient", f"{self.piston}.a", f"{self.piston}.b"}
+        for name in (name for name, part in self.parts.items() if part["kind"] == "leak"):
+            if possible & {*self._joint(f"{name}.1"), *self._joint(f"{name}.2")} == {*ends}:
+                break
+        else:
             name = f"leak_{side}" if side else "leak"
             self._add(name, "leak", {}, *ends)
         # assumed start: 1 % of the gas at 5 bar leaks to the ambient air in 100 s
@@ -307,21 +318,10 @@ class DrivenCircuit:
         usual = LEAK_SHARE * volume / LEAK_TIME_S / (5e5 * self.form["gas"]["gas_constant_j_kg_k"])
         return self._number(name, "coefficient", usual)
 
-    def _ends(self, leak: str) -> set[str]:
-        joined = [*self._joint(f"{leak}.1"), *self._joint(f"{leak}.2")]
-        return {port for port in joined if port in ("ambient", f"{self.piston}.a", f"{self.piston}.b")}
-
     def _dead(self, side: str) -> float:
         tank = self.tanks[side]
         numbers = self.parts[tank or self.piston]["numbers"]
         return numbers["volume"] if tank else numbers.get(f"dead_volume_{side}", 0.0)
-
-    def _one(self, name: str) -> Number:
-        component, _, key = name.removeprefix("components.").rpartition(".")
-        if component in self.parts and self.parts[component]["numbers"].get(key, 0.0) > 0.0:
-            return self._number(component, key)
-        known = [f"{part}.{key}" for part, one in self.parts.items() for key, v in one["numbers"].items() if v > 0.0]
-        raise FitError(f"{name} cannot be free", remedy=nearest(name, [*GROUPS, *known]))
 
     def _number(self, component: str, key: str, start: float | None = None) -> Number:
         numbers = self.parts[component]["numbers"]
@@ -413,9 +413,3 @@ class DrivenCircuit:
         session.schedule(name, nodes_t[1:-1][inside].tolist(), velocities[1:][inside].tolist())
         times = record.grid_s[record.grid_s <= until]
         return session.record(float(times[-1]), times, columns)["columns"]
-
-
-def _areas(kind: str, numbers: NamedNumbers) -> Pair:
-    if "area_a" in numbers:
-        return numbers["area_a"], numbers["area_b"]
-    return piston_areas(kind.partition("/")[2], numbers["bore"], numbers.get("rod_diameter", 0.0))

@@ -22,7 +22,7 @@ from pneudrive.identify.identified import FittedData, number_table, remedy_for, 
 from pneudrive.numbers import plain
 from pneudrive.progress import Flag, Progress, Watch
 from pneudrive.signals.recording import Recording
-from pneudrive.views import ShownTable
+from pneudrive.views import ShownTable, View
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -248,9 +248,11 @@ class FollowFit(Fit, kind="motion"):
     def _residual_lines(self) -> list[str]:
         return [f"{record.name}: {record}" for record in self.records]
 
-    def _tables(self) -> tuple[ShownTable, ...]:
+    def view(self) -> View:
+        """Return the view of a fit, with a table of the other models."""
         rows = tuple((rival.words, f"{rival.fit_percent:.2f}", rival.verdict) for rival in self.rivals)
-        return (ShownTable("Other models", ("model", "worst rms % of range", "verdict"), rows),) if rows else ()
+        table = ShownTable("Other models", ("model", "worst rms % of range", "verdict"), rows)
+        return replace(super().view(), tables=(table,) if rows else ())
 
     def _first(self) -> Plain:
         return super()._first() | {"circuit": self.circuit.to_toml()}
@@ -317,24 +319,17 @@ def identify_motion(
     if not used:
         raise FitError(value=", ".join(record.name for record in idle), **stated("readings", "open"))
     problem = FollowProblem(driven, used, driven.numbers_of(free), watch=watch)
-    solution = solve_follow(problem, _first_point(described, used, free, problem))
+    first, begin = [name for name in free if name in FIRST], None
+    if 0 < len(first) < len(free):  # the solution without walls and leaks is a safe start for the full fit
+        small = DrivenCircuit(described)
+        own = FollowProblem(small, used, small.numbers_of(first), watch=watch)
+        point = solve_follow(own, passes=1).point
+        values = by_name([n.name for n in own.numbers], point.shared)
+        begin = FollowPoint(np.array([values.get(n.name, np.log(n.start)) for n in problem.numbers]), point.local)
+    solution = solve_follow(problem, begin)
     notes += misfit_notes(solution)
     others, parts = (_rivals(described, solution, list(free)), _parts(solution)) if rivals else ((), {})
     return _result(described, solution, notes, others, parts)
-
-
-def _first_point(
-    described: Circuit, records: list[DrivenRecording], free: Sequence[str], problem: FollowProblem
-) -> FollowPoint | None:
-    """Return the solution without walls and leaks, as a safe start for the full fit."""
-    first = [name for name in free if name in FIRST]
-    if not first or len(first) == len(free):
-        return None
-    driven = DrivenCircuit(described)
-    own = FollowProblem(driven, records, driven.numbers_of(first), watch=problem.watch)
-    found = solve_follow(own, passes=1).point
-    values = by_name([n.name for n in own.numbers], found.shared)
-    return FollowPoint(np.array([values.get(n.name, np.log(n.start)) for n in problem.numbers]), found.local)
 
 
 def _result(

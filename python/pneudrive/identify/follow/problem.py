@@ -77,12 +77,16 @@ class FollowProblem:
     is_held: bool = False
     model: str = "requested model"
     watch: Watch = UNWATCHED
-    weights: Sequence[Array] = ()
+    weights: list[Array] = field(default_factory=list)
 
     def __post_init__(self) -> None:
-        """Set the first weights, or copy the given ones: a fit updates the weights of its problem."""
+        """Set the weights before the first fit, or copy the given ones: a fit updates the weights of its problem."""
         self.parts = self.parts or [(0.0, np.inf)] * len(self.records)
-        self.weights = list(self.weights or map(_first_weights, self.records))
+        self.weights = list(self.weights)
+        for record in self.records[len(self.weights) :]:
+            size = np.maximum(FIRST_ERROR * record.ranges_pa, record.noise_pa)
+            step = np.median(np.diff(record.grid_s))
+            self.weights.append(1.0 / (size * np.sqrt(max(FIRST_TIME_S / step, 1.0))))
 
     def begin(self) -> FollowPoint:
         """Return the start point."""
@@ -118,13 +122,6 @@ class FollowProblem:
         """Return the prior standard uncertainties of a recording's parameters; inf without a prior."""
         kelvin = AT_REST_K if self.records[at].at_rest else IN_MOTION_K
         return np.array([np.inf, np.inf, kelvin, kelvin, DELAY_S])
-
-
-def _first_weights(record: DrivenRecording) -> Array:
-    """Return the weights of both pressures before the first fit."""
-    size = np.maximum(FIRST_ERROR * record.ranges_pa, record.noise_pa)
-    step = np.median(np.diff(record.grid_s))
-    return 1.0 / (size * np.sqrt(max(FIRST_TIME_S / step, 1.0)))
 
 
 @dataclass
@@ -217,7 +214,11 @@ def solve_follow(problem: FollowProblem, begin: FollowPoint | None = None, passe
     with ThreadPoolExecutor(2) as pool:
         for number in range(passes):
             found = _search(problem, found.point, pool, is_first=number == 0)
-            problem.weights = [_weights(found, at) for at in range(len(problem.records))]
+            for at, record in enumerate(problem.records):  # weights from size and correlation time of the residuals
+                rest = found.rest(at)
+                rest = rest[:, record.within(problem.parts[at]) & np.isfinite(rest[0])]
+                size = np.maximum(np.sqrt(np.mean(rest**2, axis=1)), record.noise_pa)
+                problem.weights[at] = 1.0 / (size * np.sqrt([_correlation_time(one) for one in rest]))
         covariance, freedom = _covariance(found, _jacobians(found, pool))
     return replace(found, covariance=covariance, freedom=freedom)
 
@@ -330,14 +331,6 @@ def _search(
         if small >= 2 or gain < 1e-3 * CONVERGED:
             return replace(found, converged=True)
     return found
-
-
-def _weights(found: FollowSolution, at: int) -> Array:
-    """Return the weights of both residuals of a recording, from their size and correlation time."""
-    record, rest = found.problem.records[at], found.rest(at)
-    rest = rest[:, record.within(found.problem.parts[at]) & np.isfinite(rest[0])]
-    size = np.maximum(np.sqrt(np.mean(rest**2, axis=1)), record.noise_pa)
-    return 1.0 / (size * np.sqrt([_correlation_time(one) for one in rest]))
 
 
 def _correlation_time(rest: Array) -> float:

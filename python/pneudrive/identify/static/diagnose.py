@@ -8,17 +8,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.errors import FitError
-from pneudrive.estimate.autocorrelation import HUBER, LINEAR, distinct_levels, projection, weak_coordinates
+from pneudrive.estimate.autocorrelation import distinct_levels, projection, weak_coordinates
 from pneudrive.estimate.estimates import CHANCE, changed, student
 from pneudrive.identify.base import Undetermined
 from pneudrive.identify.identified import stated
-from pneudrive.identify.static.robust import RobustEstimate, estimate, profile_intervals, with_scatter
+from pneudrive.identify.static.robust import RobustEstimate, estimate, profile_intervals
 from pneudrive.numbers import plain
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from pneudrive.arrays import Array, Interval, NamedIntervals
+    from pneudrive.arrays import Interval, NamedIntervals
     from pneudrive.identify.static.model import FrictionModel, Observations
 
 #: Difference below which gauge pressures count as one level, Pa: about 0.5 % of a 10 bar transducer.
@@ -108,41 +108,43 @@ def _with_pressure(
     for c in gauges:
         if c not in chambers:
             lost += _lost((f"{f}_{c}" for f in forces), "one_pressure", chamber=c, bar=1e-5 * gauges[c].mean())
-    if len(chambers) == 2 and _collinear(*data.gauges_pa):
-        lost += _lost((f"{f}_{c}" for f in forces for c in "ab"), "same_pressure")
-        chambers = ("ab",)
-    if pressure in ("quadratic", "saturating"):
-        few = [c for c in "".join(chambers) if _levels(gauges[c]) < 3]
+    if len(chambers) == 2:  # if b is a linear function of a, only the sum of both slopes is free
+        slope, intercept = np.polyfit(data.gauge_a_pa, data.gauge_b_pa, 1)
+        if np.std(data.gauge_b_pa - slope * data.gauge_a_pa - intercept) < 0.5 * SAME_PRESSURE_PA:
+            lost += _lost((f"{f}_{c}" for f in forces for c in "ab"), "same_pressure")
+            chambers = ("ab",)
+    if pressure in ("quadratic", "saturating"):  # a curve needs three levels
+        few = [c for c in "".join(chambers) if np.sum(np.diff(np.sort(gauges[c])) > SAME_PRESSURE_PA) < 2]
         if few:
             lost += _lost((f"{f}_curve_{c}" for f in forces for c in few), "few_pressures", chamber=few[0])
             pressure = "linear"
-    if pressure == "interaction" and (chambers != ("a", "b") or not _crossed(data)):
-        lost += _lost((f"{f}_product" for f in forces), "not_crossed")
-        pressure = "linear"
+    if pressure == "interaction":  # the product must be linearly independent of the pressures
+        a, b = (gauge / 1e5 for gauge in data.gauges_pa)
+        rest = a * b - projection(a * b, np.column_stack([np.ones_like(a), a, b]))
+        if chambers != ("a", "b") or not np.std(rest) > 1e-3 * np.std(a * b):
+            lost += _lost((f"{f}_product" for f in forces), "not_crossed")
+            pressure = "linear"
     return replace(wanted, chambers=chambers, pressure=pressure), lost
-
-
-def _levels(gauge: Array) -> int:
-    return int(np.sum(np.diff(np.sort(gauge)) > SAME_PRESSURE_PA)) + 1
-
-
-def _crossed(data: Observations) -> bool:
-    """Return whether the product of both pressures is linearly independent of the pressures."""
-    a, b = (gauge / 1e5 for gauge in data.gauges_pa)
-    base = np.column_stack([np.ones_like(a), a, b])
-    rest = a * b - projection(a * b, base)
-    return bool(np.std(rest) > 1e-3 * np.std(a * b))
-
-
-def _collinear(a: Array, b: Array) -> bool:
-    slope, intercept = np.polyfit(a, b, 1)
-    return bool(np.std(b - slope * a - intercept) < 0.5 * SAME_PRESSURE_PA)
 
 
 def diagnose(found: RobustEstimate, intervals: NamedIntervals) -> list[Undetermined]:
     """Return statements on free parameters that the data do not limit."""
-    names = found.model.names
-    said = _stribeck(found, intervals) if found.model.stribeck else []
+    data, theta, names = found.data, found.natural, found.model.names
+    said: list[Undetermined] = []
+    if found.model.stribeck:  # parts of the Stribeck curve outside the measured levels
+        vs, span = theta["stribeck_velocity"], _span(data)
+        curve, (low, high) = ("breakaway", "stribeck_velocity"), intervals["stribeck_velocity"]
+        if data.speed_m_s.min() > TAIL * vs:
+            said += _lost(curve, "tail", tail=TAIL, vs=_mm_s(vs), **span)
+        if data.speed_m_s.max() < PLATEAU * vs:
+            at = {"plateau": PLATEAU, "vs": _mm_s(vs), "level": _mm_s(PLATEAU * vs)}
+            said += _lost([n for n in ("coulomb", "viscous") if n in theta], "no_plateau", **at, **span)
+        if low <= 0.0:
+            said += _lost(curve, "far_below", **span)
+        if not np.isfinite(high):
+            said += _lost(["stribeck_velocity"], "far_above", **span)
+        if not np.isfinite(intervals["breakaway"][1]):
+            said += _lost(["breakaway"], "too_fast", level=_mm_s(0.5 * vs), **span)
     said += _lost(np.array(names)[weak_coordinates(found.jacobian)].tolist(), "weak")
     for name, (lower, upper) in intervals.items():
         open_below = name in {"stribeck_velocity", "stribeck_exponent"} and lower <= 0.0
@@ -154,11 +156,18 @@ def diagnose(found: RobustEstimate, intervals: NamedIntervals) -> list[Undetermi
 
 def without_support(found: RobustEstimate, intervals: NamedIntervals) -> tuple[FrictionModel, list[Undetermined]]:
     """Return the law without a part that the data do not support, or the law itself if all parts are supported."""
+    from scipy.special import fdtrc
+
     model, data = found.model, found.data
     span, fastest = _span(data), float(data.speed_m_s.max())
-    if model.stribeck and found.dof > 0 and (p := _excess_p_value(found)) > CHANCE:
-        names = _curve_names(model) + [f"breakaway_{c}" for c in "ab" if c in "".join(model.chambers)]
-        return model.without_stribeck(), _lost(names, "no_fall", p=p, **span)
+    if model.stribeck and found.dof > 0:  # F-test against the law without Stribeck part, on the same pseudo-values
+        without = found.pseudo_fit(model.without_stribeck())
+        extra = len(model.names) - len(without.model.names)
+        gain = np.sum(without.residual**2) - found.pseudo_cost
+        p = float(fdtrc(extra, found.dof, max(gain, 0.0) / extra / found.variance))
+        if p > CHANCE:
+            names = _curve_names(model) + [f"breakaway_{c}" for c in "ab" if c in "".join(model.chambers)]
+            return without.model, _lost(names, "no_fall", p=p, **span)
     if model.stribeck or not model.viscous:
         return model, []
     smaller = replace(model, viscous=False)
@@ -175,26 +184,6 @@ def without_support(found: RobustEstimate, intervals: NamedIntervals) -> tuple[F
     return model, []
 
 
-def _stribeck(found: RobustEstimate, intervals: NamedIntervals) -> list[Undetermined]:
-    """Return statements on parts of the Stribeck curve outside the measured levels."""
-    theta, data = found.natural, found.data
-    vs, span = theta["stribeck_velocity"], _span(data)
-    curve, lower_upper = ("breakaway", "stribeck_velocity"), intervals["stribeck_velocity"]
-    out = []
-    if data.speed_m_s.min() > TAIL * vs:
-        out += _lost(curve, "tail", tail=TAIL, vs=_mm_s(vs), **span)
-    if data.speed_m_s.max() < PLATEAU * vs:
-        at = {"plateau": PLATEAU, "vs": _mm_s(vs), "level": _mm_s(PLATEAU * vs)}
-        out += _lost([n for n in ("coulomb", "viscous") if n in theta], "no_plateau", **at, **span)
-    if lower_upper[0] <= 0.0:
-        out += _lost(curve, "far_below", **span)
-    if not np.isfinite(lower_upper[1]):
-        out += _lost(["stribeck_velocity"], "far_above", **span)
-    if not np.isfinite(intervals["breakaway"][1]):
-        out += _lost(["breakaway"], "too_fast", level=_mm_s(0.5 * vs), **span)
-    return out
-
-
 #: Candidate knees, as multiples of the largest gauge pressure. Above 4, the curve is nearly a straight line (within 20
 #: % of its final value); below 0.1, it is nearly a step.
 KNEES = (0.1, 0.2, 0.35, 0.6, 1.0, 1.6, 2.5, 4.0)
@@ -206,34 +195,6 @@ FINER = np.geomspace(0.6, 1.0 / 0.6, 9)
 SHAPES = ((0.5, False), (1.0, False), (2.0, False), (2.0, True))
 #: Factors of knees about the best one. Intervals are joined over the knees that the data allow.
 NEIGHBOURS = np.geomspace(1.0, 40.0, 61)[1:]
-
-
-def shrunk_to_the_data(
-    model: FrictionModel, stated: Observations
-) -> tuple[RobustEstimate, NamedIntervals, list[Undetermined]]:
-    """Fit a law without unsupported parts, which would only widen the intervals of the other parameters.
-
-    Returns
-    -------
-    RobustEstimate
-        Estimate of the supported part, whose standard errors include the scatter.
-    dict, list of Undetermined
-        Intervals, and statements on the unsupported parts.
-    """
-    lost: list[Undetermined] = []
-    while True:
-        found = estimated(model, stated)
-        intervals = interval_over_knees(found, student(found.dof))
-        smaller, statements = without_support(found, intervals)
-        if smaller == model:
-            return found, intervals, lost
-        model, lost = smaller, lost + statements
-
-
-def estimated(model: FrictionModel, data: Observations) -> RobustEstimate:
-    """Return the estimate of a law, with the scatter of the values."""
-    dof = len(data) - len(model.names) - model.chosen
-    return with_scatter(estimate(model, data, HUBER if dof > 0 else LINEAR, fixed_scale=dof == 0))
 
 
 def _largest_gauge(data: Observations) -> float:
@@ -294,13 +255,3 @@ def interval_over_shapes(found: RobustEstimate, intervals: NamedIntervals) -> Na
             for name in (n for n in more if not n.startswith("stribeck_")):
                 out[name] = _joined(out[name], more[name])
     return out
-
-
-def _excess_p_value(found: RobustEstimate) -> float:
-    """Return the p-value of the Stribeck part by an F-test against the law without it, on the same pseudo-values."""
-    from scipy.special import fdtrc
-
-    without = found.pseudo_fit(found.model.without_stribeck())
-    extra = len(found.model.names) - len(without.model.names)
-    gain = np.sum(without.residual**2) - found.pseudo_cost
-    return float(fdtrc(extra, found.dof, max(gain, 0.0) / extra / found.variance))

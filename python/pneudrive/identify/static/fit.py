@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, TypeAlias
 import numpy as np
 
 from pneudrive import __version__
-from pneudrive.arrays import Array, Interval, NamedIntervals, NamedNumbers, by_name
+from pneudrive.arrays import Array, Interval, NamedIntervals, by_name
 from pneudrive.errors import FitError, nearest
 from pneudrive.estimate.autocorrelation import distinct_levels, weak_coordinates
 from pneudrive.estimate.estimates import changed, intervals, profile_interval, student
@@ -26,10 +26,10 @@ from pneudrive.identify.identified import sentence
 from pneudrive.identify.static import diagnose as selection
 from pneudrive.identify.static import model as sliding
 from pneudrive.identify.static.result import LAWS, FrictionFit, LawFit
-from pneudrive.identify.static.robust import RobustEstimate, estimate
+from pneudrive.identify.static.robust import RobustEstimate, estimate, estimated
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Iterator, Mapping, Sequence
+    from collections.abc import Collection, Mapping, Sequence
 
     import xarray as xr
 
@@ -130,10 +130,30 @@ def fit_values(
         Notes for the result, and options for its provenance.
     """
     model, lost = selection.choose_model(wanted, data, pressure=pressure)
-    found, intervals, unsupported = selection.shrunk_to_the_data(selection.with_knee(model, data), data)
+    model = selection.with_knee(model, data)
+    while True:  # without unsupported parts, which would only widen the intervals of the other parameters
+        found = estimated(model, data)
+        intervals = selection.interval_over_knees(found, student(found.dof))
+        smaller, unsupported = selection.without_support(found, intervals)
+        if smaller == model:
+            break
+        model, lost = smaller, lost + unsupported
     intervals = selection.interval_over_shapes(found, intervals)
-    lost += unsupported + selection.diagnose(found, intervals)
-    said = [*notes, *_remarks(found, averages=pressure is None)]
+    lost += selection.diagnose(found, intervals)
+    said, total_pa = list(notes), data.gauge_a_pa + data.gauge_b_pa
+    if len(data) >= 3 and np.ptp(total_pa) >= 1e4:
+        if pressure is None:
+            said.append(sentence("notes", "averaged", span=1e-5 * np.ptp(total_pa)))
+        if changed(data.speed_m_s):
+            correlation = np.corrcoef(np.log(data.speed_m_s), total_pa)[0, 1]
+            if abs(correlation) > CONFOUNDED:
+                said.append(sentence("notes", "confounded", correlation=correlation))
+    if found.scatter_n > 0.0:
+        said.append(sentence("notes", "scatter", scatter=found.scatter_n))
+    if len(data) == len(model.names):
+        said.append(sentence("notes", "no_freedom"))
+    if np.isfinite(found.rival):
+        said.append(sentence("notes", "rival", velocity=1e3 * found.rival))
     provenance = {"version": __version__, "map_sha256": sliding.fingerprint(data), **_ranges(data), **options}
     fit = assembled(wanted.law, found, intervals, lost, said, provenance)
     return replace(fit, notes=(*fit.notes, *fit.correlated()))
@@ -146,25 +166,6 @@ def _ranges(data: sliding.Observations) -> dict[str, list[float]]:
     return ends | {"speed_levels_m_s": [low for low, _ in distinct_levels(data.speed_m_s)]}
 
 
-def _remarks(found: RobustEstimate, *, averages: bool) -> Iterator[str]:
-    """Yield notes on the values and the estimate. `averages`: the law does not depend on pressure."""
-    data = found.data
-    pressure = data.gauge_a_pa + data.gauge_b_pa
-    if len(data) >= 3 and np.ptp(pressure) >= 1e4:
-        if averages:
-            yield sentence("notes", "averaged", span=1e-5 * np.ptp(pressure))
-        if changed(data.speed_m_s):
-            correlation = np.corrcoef(np.log(data.speed_m_s), pressure)[0, 1]
-            if abs(correlation) > CONFOUNDED:
-                yield sentence("notes", "confounded", correlation=correlation)
-    if found.scatter_n > 0.0:
-        yield sentence("notes", "scatter", scatter=found.scatter_n)
-    if len(data) == len(found.model.names):
-        yield sentence("notes", "no_freedom")
-    if np.isfinite(found.rival):
-        yield sentence("notes", "rival", velocity=1e3 * found.rival)
-
-
 def assembled(
     law: str,
     found: RobustEstimate,
@@ -173,9 +174,21 @@ def assembled(
     notes: list[str],
     provenance: dict,
 ) -> FrictionFit:
-    """Return the fit of an estimate: natural parameters with covariance, intervals and statistics."""
-    model = found.model
-    parameters = _parameters(law, model, found.natural)
+    """Return the fit of an estimate: natural parameters with covariance, intervals and statistics.
+
+    Its values are all parameters of the requested law; NaN for a value that is not determined.
+    """
+    model, theta = found.model, found.natural
+    curve = ("breakaway", "stribeck_velocity", "stribeck_exponent") if law == "stribeck" else ()
+    names = ("coulomb", *(curve[:2] if model.lorentzian else curve), "viscous")
+    parameters = {name: theta.get(name, np.nan) for name in names}
+    if "stribeck_exponent" in parameters and model.stribeck and model.exponent is not None:
+        parameters["stribeck_exponent"] = float(model.exponent)
+    for name in sliding.UNITS:
+        if name in theta:
+            parameters[name] = theta[name]
+        elif f"{name}b" in theta:  # coulomb_ab -> both chambers
+            parameters[name] = parameters[f"{name[:-1]}b"] = theta[f"{name}b"]
     return FrictionFit(
         law=law,
         values=parameters,
@@ -193,21 +206,6 @@ def assembled(
         weights=found.weight,
         profiler=intervals.__getitem__,
     )
-
-
-def _parameters(law: str, model: sliding.FrictionModel, theta: NamedNumbers) -> NamedNumbers:
-    """Return every parameter of the requested law; NaN if its value is not determined."""
-    curve = ("breakaway", "stribeck_velocity", "stribeck_exponent") if law == "stribeck" else ()
-    names = ("coulomb", *(curve[:2] if model.lorentzian else curve), "viscous")
-    parameters = {name: theta.get(name, np.nan) for name in names}
-    if "stribeck_exponent" in parameters and model.stribeck and model.exponent is not None:
-        parameters["stribeck_exponent"] = float(model.exponent)
-    for name in sliding.UNITS:
-        if name in theta:
-            parameters[name] = theta[name]
-        elif f"{name}b" in theta:  # coulomb_ab -> both chambers
-            parameters[name] = parameters[f"{name[:-1]}b"] = theta[f"{name}b"]
-    return parameters
 
 
 #: Relative sensitivity of friction below which a parameter counts as without effect.

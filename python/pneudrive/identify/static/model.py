@@ -548,7 +548,14 @@ def selected(
     """
     friction_map = map_of(friction_map)
     column = _columns(friction_map)
-    ambient = ambient_of(friction_map, needs_ambient) if ambient_pressure_pa is None else ambient_pressure_pa
+    ambient = ambient_pressure_pa
+    if ambient is None:  # zero if it is neither known nor needed
+        stated = friction_map.attrs.get("ambient_pressure_pa")
+        if stated is None and needs_ambient:
+            raise FitError.of("identify.no_ambient")
+        if stated is not None and not 0.0 < stated < np.inf:
+            raise FitError("the ambient pressure must be positive", value=f"ambient_pressure_pa = {stated}")
+        ambient = float(stated or 0.0)
     keep, notes = _usable(column, direction, exclude_flags)
     pairs = _pairs(column, keep) if direction is None else np.repeat(np.flatnonzero(keep)[:, None], 2, axis=1)
     if not pairs.size:
@@ -687,15 +694,3 @@ def fingerprint(data: Observations) -> str:
     """Return the SHA-256 of the values of the fit."""
     columns = (data.speed_m_s, data.friction_n, data.stderr_n, *data.gauges_pa)
     return hashlib.sha256(np.ascontiguousarray(np.stack(columns), dtype="<f8").tobytes()).hexdigest()
-
-
-def ambient_of(friction_map: xr.Dataset, needed: bool) -> float:
-    """Return the ambient pressure in Pa as reference of gauge pressures; 0 if it is unknown and not needed."""
-    value = friction_map.attrs.get("ambient_pressure_pa")
-    if value is None:
-        if needed:
-            raise FitError.of("identify.no_ambient")
-        return 0.0
-    if not np.isfinite(value) or value <= 0.0:
-        raise FitError("the ambient pressure must be positive", value=f"ambient_pressure_pa = {value}")
-    return float(value)

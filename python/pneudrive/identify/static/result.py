@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 
 from pneudrive.constants import STANDARD_ATMOSPHERE_PA
-from pneudrive.describe.circuit import Circuit
+from pneudrive.describe import Circuit, Drive
 from pneudrive.describe.marks import parameter_quantities
 from pneudrive.describe.tables.dependences import DEPENDENCES
-from pneudrive.describe.tables.friction import Friction
+from pneudrive.describe.tables.friction import Friction, friction_laws
 from pneudrive.errors import FitError, warn
 from pneudrive.estimate.estimates import CONFIDENCE, student
 from pneudrive.friction.friction_map import AMBIENT, SAME_PA
@@ -20,7 +20,8 @@ from pneudrive.identify import export
 from pneudrive.identify.base import Fit, FitFile
 from pneudrive.identify.identified import Dependences, FittedData, apply_identified, sentence, sentences, stated
 from pneudrive.identify.static import model as sliding
-from pneudrive.identify.static.diagnose import estimated, interval_over_knees
+from pneudrive.identify.static.diagnose import interval_over_knees
+from pneudrive.identify.static.robust import estimated
 from pneudrive.repr_tables import Shown
 from pneudrive.views import Finding
 
@@ -29,7 +30,6 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from pneudrive.arrays import Array, Columns, Keyed, NamedNumbers, Pair, Plain
-    from pneudrive.describe.drive import Drive
     from pneudrive.identify.identified import Identified
 
 
@@ -226,20 +226,15 @@ class FrictionFit(SlidingFit, kind="friction map"):
         stderr = np.sqrt(np.maximum(variance, 0.0))
         reach = student(int(self.statistics["degrees_of_freedom"]), probability) * stderr
         if self.model.chambers == ("ab",):
-            reach = reach + self._apart_n(at, value)
+            # Error of equal slopes at pressures that did not occur together: each slope is between zero and the slope
+            # that would explain the joint effect alone.
+            (low_a, high_a), (low_b, high_b) = (self.provenance.get(f"gauge_{side}_pa", (0.0, 1.0)) for side in "ab")
+            a, b = high_a - low_a, high_b - low_b
+            off = np.abs((at.gauge_a_pa - low_a) * b - (at.gauge_b_pa - low_b) * a) / min(a, b)
+            beyond = sliding.at_conditions(at.speed_m_s, at.gauge_a_pa + off, at.gauge_b_pa + off)
+            reach = reach + np.abs(self.model.force_and_slopes(self.estimates, beyond)[0] - value) / 2.0
         value, stderr, reach = (x.reshape(shape) for x in (value, stderr, reach))
         return Prediction(value, value - reach, value + reach, stderr)
-
-    def _apart_n(self, at: sliding.Observations, value: Array) -> Array:
-        """Return the largest error in N that equal slopes cause at pressures that did not occur together, shape (n,).
-
-        Each slope is between zero and the slope that would explain the joint effect alone.
-        """
-        (low_a, high_a), (low_b, high_b) = (self.provenance.get(f"gauge_{side}_pa", (0.0, 1.0)) for side in "ab")
-        a, b = high_a - low_a, high_b - low_b
-        off = np.abs((at.gauge_a_pa - low_a) * b - (at.gauge_b_pa - low_b) * a) / min(a, b)
-        beyond = sliding.at_conditions(at.speed_m_s, at.gauge_a_pa + off, at.gauge_b_pa + off)
-        return np.abs(self.model.force_and_slopes(self.estimates, beyond)[0] - value) / 2.0
 
     # -- into a drive -----------------------------------------------------------------------------------------
 
@@ -294,7 +289,8 @@ class FrictionFit(SlidingFit, kind="friction map"):
         if self.model.chambers == ("ab",):
             warn(sentence("notes", "equal_slopes"))
         law = str(changes.get("friction.law", drive.friction.law))
-        after = apply_identified(found, drive, changes, self.dependences.for_law(law))
+        modifiers = self.dependences if friction_laws()[law]["bristles"] else self.dependences.without("relaxation")
+        after = apply_identified(found, drive, changes, modifiers)
         self._warn_of_kept(after)
         return after
 

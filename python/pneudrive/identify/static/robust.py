@@ -283,27 +283,23 @@ LEAST_DOF = 3
 CLEARLY = 6.6
 
 
-def with_scatter(found: RobustEstimate) -> RobustEstimate:
-    """Add a scatter to the standard errors if the residuals are too large and a scatter explains them.
+def estimated(model: StaticLaw, data: Observations) -> RobustEstimate:
+    """Estimate a law, with a scatter of the values if the residuals are too large and a scatter explains them.
 
     The alternative is a common factor on the standard errors. This factor is chosen only if it is clearly more likely.
-
-    Parameters
-    ----------
-    found : RobustEstimate
-        Estimate without scatter.
     """
     from scipy.optimize import brentq
     from scipy.special import chdtrc
 
-    data, dof = found.data, found.dof
+    dof = len(data) - len(model.names) - model.chosen
+    found = estimate(model, data, HUBER if dof > 0 else LINEAR, fixed_scale=dof == 0)
     even = np.ptp(data.stderr_n) <= 1e-6 * data.stderr_n.max()
     if dof < LEAST_DOF or even or chdtrc(dof, dof * found.scale**2) > CHANCE:
         return found
 
     def widened(scatter: float, starts: Sequence[Array] = ()) -> RobustEstimate:
         wider = replace(data, stderr_n=np.hypot(data.stderr_n, scatter))
-        return estimate(found.model, wider, starts=starts)
+        return estimate(model, wider, starts=starts)
 
     def excess(log_scatter: float) -> float:
         return np.log(widened(np.exp(log_scatter), [found.q]).scale)
@@ -363,7 +359,24 @@ def profile_intervals(found: RobustEstimate, quantile: float, least: float | Non
         low["stribeck_velocity"], high["stribeck_velocity"] = _crossings(velocities, slack.max(axis=1))
         if model.exponent is None:
             low["stribeck_exponent"], high["stribeck_exponent"] = _crossings(exponents, slack.max(axis=0))
-    return _close(found, low, high)
+    lower, upper = np.exp(model.bounds(data))
+    # The breakaway force may reach beyond the bounds of the search, or the Stribeck velocity may reach its lower bound.
+    # Then any smaller Stribeck velocity fits as well, with a larger breakaway force.
+    is_open = model.stribeck and (high["breakaway"] > upper[1] or low["stribeck_velocity"] <= lower[2] * 1.001)
+    out = {}
+    for name, value in found.natural.items():
+        lo, hi = min(low[name], value), max(high[name], value)
+        if name == "stribeck_velocity":
+            lo = 0.0 if is_open else lo
+            hi = np.inf if hi >= upper[2] * 0.999 else hi
+        elif name == "stribeck_exponent":
+            lo = 0.0 if lo <= EXPONENT_BOUNDS[0] * 1.001 else lo
+            hi = np.inf if hi >= EXPONENT_BOUNDS[1] * 0.999 else hi
+        elif name in {"coulomb", "breakaway", "viscous"}:
+            lo = max(lo, 0.0)
+        hi = np.inf if is_open and name.startswith("breakaway") else hi
+        out[name] = (float(lo), float(hi))
+    return out
 
 
 def _crossings(log_value: Array, slack: Array) -> Interval:
@@ -455,28 +468,3 @@ def _least_squares(columns: Array, y: Array) -> tuple[Array, Array, Array]:
     lost = ((np.abs(vt) > 1e-3) & ~good[..., None]).any(axis=1)
     rest = y - np.einsum("gnk,gk->gn", u, np.where(good, projected, 0.0))
     return np.einsum("gn,gn->g", rest, rest), value, np.where(lost, np.inf, spread)
-
-
-def _close(found: RobustEstimate, low: NamedNumbers, high: NamedNumbers) -> NamedIntervals:
-    """Set open ends to infinity, or to zero for the lower end of a non-negative parameter.
-
-    The breakaway force may reach beyond the bounds of the search, or the Stribeck velocity may reach its lower bound.
-    Then any smaller Stribeck velocity fits as well, with a larger breakaway force.
-    """
-    model, estimate = found.model, found.natural
-    lower, upper = np.exp(model.bounds(found.data))
-    is_open = model.stribeck and (high["breakaway"] > upper[1] or low["stribeck_velocity"] <= lower[2] * 1.001)
-    out = {}
-    for name in model.names:
-        lo, hi = min(low[name], estimate[name]), max(high[name], estimate[name])
-        if name == "stribeck_velocity":
-            lo = 0.0 if is_open else lo
-            hi = np.inf if hi >= upper[2] * 0.999 else hi
-        elif name == "stribeck_exponent":
-            lo = 0.0 if lo <= EXPONENT_BOUNDS[0] * 1.001 else lo
-            hi = np.inf if hi >= EXPONENT_BOUNDS[1] * 0.999 else hi
-        elif name in {"coulomb", "breakaway", "viscous"}:
-            lo = max(lo, 0.0)
-        hi = np.inf if is_open and name.startswith("breakaway") else hi
-        out[name] = (float(lo), float(hi))
-    return out

@@ -156,8 +156,11 @@ class Survey(Shown):
             raise FitError(f"{seal} has no run {run!r}", remedy=nearest(run, self.seals[seal].runs))
         at, one = at_conditions(speed_m_s, gauge_a_pa, gauge_b_pa), self.seals[seal]
         shape = np.broadcast(speed_m_s, gauge_a_pa, gauge_b_pa).shape
-        borrowed = not one.model.chambers and _elsewhere(one.data, at)
-        value, variance = self._borrowed(one, at) if borrowed else self._kriged(one, at, run)
+        off = [np.abs(there - here.mean()) for there, here in zip(at.gauges_pa, one.data.gauges_pa, strict=True)]
+        if not one.model.chambers and (np.array(off) > 4.0 * SAME_PRESSURE_PA).any():
+            value, variance = self._borrowed(one, at)
+        else:
+            value, variance = self._kriged(one, at, run)
         weight = self.weights[seal].ravel()
         value, variance = value.reshape(weight.size, -1), variance.reshape(weight.size, -1)
         mean = weight @ value
@@ -242,13 +245,20 @@ def survey_values(
     seals: dict[str, Surveyed] = {}
     unused: dict[str, str] = {}
     for name, data in groups.items():
-        run = tuple(runs[name]) if runs else ("",) * len(data)
-        one = _surveyed(name, data, run, (options or {}).get(name, {}))
-        if isinstance(one, str):
-            unused[name] = one
+        wide = float(data.speed_m_s.max() / data.speed_m_s.min()) >= SPEED_SPAN
+        wanted = FrictionModel("stribeck" if wide else "coulomb", viscous=wide)
+        own: Plain = {"direction": "both", **(options or {}).get(name, {})}
+        fit = fit_values(wanted, data, pressure="linear", options=own)
+        theta = fit.coordinates
+        value, jac = fit.model.value_and_jacobian(theta, data)
+        if not (value > 0.0).all():
+            unused[name] = (
+                "left out: its fitted friction is not positive in all rows, and the scatter is relative to it"
+            )
             continue
-        seals[name] = one
-        if len(data) <= one.theta.size:
+        run = tuple(runs[name]) if runs else ("",) * len(data)
+        seals[name] = Surveyed(name, data, run, fit, theta, jac / value[:, None], data.friction_n / value - 1.0)
+        if len(data) <= theta.size:
             unused[name] = "as many parameters as recordings: the seal does not contribute to the scatter"
     freedom = sum(len(s.data) - s.theta.size for s in seals.values())
     if freedom < LEAST_FREEDOM:
@@ -289,28 +299,6 @@ def _posterior(logs: Columns) -> tuple[Columns, Array]:
     joint /= joint.sum()
     weights = {name: ((joint / np.maximum(given[name], 1e-300)) @ prior) * part for name, part in likelihood.items()}
     return weights, joint.sum(axis=-1)
-
-
-def _surveyed(
-    name: str,
-    data: Observations,
-    runs: tuple[str, ...],
-    options: Mapping[str, object],
-) -> Surveyed | str:
-    """Fit one seal, or return the reason why it is left out."""
-    wide = float(data.speed_m_s.max() / data.speed_m_s.min()) >= SPEED_SPAN
-    wanted = FrictionModel("stribeck" if wide else "coulomb", viscous=wide)
-    fit = fit_values(wanted, data, pressure="linear", options={"direction": "both", **options})
-    theta = fit.coordinates
-    value, jac = fit.model.value_and_jacobian(theta, data)
-    if not (value > 0.0).all():
-        return "left out: its fitted friction is not positive in all rows, and the scatter is relative to it"
-    return Surveyed(name, data, runs, fit, theta, jac / value[:, None], data.friction_n / value - 1.0)
-
-
-def _elsewhere(data: Observations, at: Observations) -> bool:
-    off = [np.abs(there - here.mean()) for there, here in zip(at.gauges_pa, data.gauges_pa, strict=True)]
-    return bool((np.array(off) > 4.0 * SAME_PRESSURE_PA).any())
 
 
 def _kernel(model: FrictionModel, first: Observations, second: Observations, span: float) -> Array:
