@@ -16,7 +16,8 @@ from pneudrive.cli.main import run
 from pneudrive.describe.files import toml
 from pneudrive.errors import FitError
 from pneudrive.identify.dynamic.result import DriveFit
-from pneudrive.validate.motion import law_n, validate_friction
+from pneudrive.identify.export import steady_friction
+from pneudrive.validate.motion import validate_friction
 
 CIRCUIT = Path(__file__).parents[2] / "examples" / "two_cylinders.toml"
 
@@ -51,7 +52,7 @@ def test_a_friction_map_is_validated_against_the_law(bench, printed):
     truth = drive()
     speed = np.tile(np.geomspace(2e-3, 0.4, 12), 2)
     direction = np.repeat([1, -1], 12)
-    friction = 1.3 * law_n(truth, direction * speed, 2e5, 0.0)
+    friction = 1.3 * steady_friction(truth.friction.core(), direction * speed, 2e5, 0.0)
     rows = {
         "recording": ["a"] * 24,
         "direction": direction,
@@ -168,8 +169,9 @@ def test_paired_friction_is_held_against_the_mean_of_both_directions(tmp_path):
         **{c: np.full(n, 5) for c in ("samples", "strokes")},
         "ambient_pressure_pa": room,
     }
-    mean = 0.5 * (law_n(truth, speed, 2e5, 0.0) + law_n(truth, -speed, 2e5, 0.0))
-    for flags, friction in (("", mean), ("unpaired", law_n(truth, direction * speed, 2e5, 0.0))):
+    core = truth.friction.core()
+    mean = 0.5 * (steady_friction(core, speed, 2e5, 0.0) + steady_friction(core, -speed, 2e5, 0.0))
+    for flags, friction in (("", mean), ("unpaired", steady_friction(core, direction * speed, 2e5, 0.0))):
         pl.DataFrame(rows | {"friction_n": friction, "flags": [flags] * n}).write_csv(tmp_path / "map.csv")
         for drive_of_the_law in (truth, truth.replace({"ambient.pressure": "1 bar abs"})):
             found = validate_friction(drive_of_the_law, tmp_path / "map.csv")

@@ -61,23 +61,6 @@ class Metrics:
     samples: int
 
 
-@dataclass(frozen=True)
-class Whiteness:
-    """Test of a residual for whiteness.
-
-    Attributes
-    ----------
-    outside : float
-        Fraction of the autocorrelations at lags 1 to LAGS beyond 1.96 / sqrt(N), their 95 % bound for white noise.
-    ljung_box, p : float
-        Statistic of Ljung and Box over all lags, and its p-value for white noise.
-    """
-
-    outside: float
-    ljung_box: float
-    p: float
-
-
 def metrics(measured: Array, model: Array) -> Metrics:
     """Return the metrics of a model compared with a measurement, without samples at which the model is NaN.
 
@@ -103,8 +86,15 @@ def metrics(measured: Array, model: Array) -> Metrics:
     )
 
 
-def whiteness(residual: Array) -> Whiteness:
-    """Test a residual for whiteness with its first LAGS autocorrelations."""
+def whiteness(residual: Array) -> NamedNumbers:
+    """Test a residual for whiteness with its first LAGS autocorrelations.
+
+    Returns
+    -------
+    dict
+        ``outside``: fraction of the autocorrelations beyond 1.96 / sqrt(N), their 95 % bound for white noise.
+        ``ljung_box`` and ``p``: statistic of Ljung and Box over all lags, and its p-value for white noise.
+    """
     from scipy.stats import chi2
 
     e = residual[np.isfinite(residual)]
@@ -112,11 +102,11 @@ def whiteness(residual: Array) -> Whiteness:
     n, power = e.size, float(e @ e)
     lags = np.arange(1, min(LAGS, n - 1) + 1)
     if power == 0.0 or lags.size < 1:
-        return Whiteness(0.0, 0.0, 1.0)
+        return {"outside": 0.0, "ljung_box": 0.0, "p": 1.0}
     r = np.array([float(e[k:] @ e[:-k]) / power for k in lags])
     statistic = float(n * (n + 2) * np.sum(r * r / (n - lags)))
     outside = float(np.mean(np.abs(r) > NORMAL_95 / np.sqrt(n)))
-    return Whiteness(outside, statistic, float(chi2.sf(statistic, lags.size)))
+    return {"outside": outside, "ljung_box": statistic, "p": float(chi2.sf(statistic, lags.size))}
 
 
 def cross_correlations(residual: Array, signals: Mapping[str, Array]) -> NamedNumbers:
@@ -133,28 +123,16 @@ def cross_correlations(residual: Array, signals: Mapping[str, Array]) -> NamedNu
         s = np.where(there, values - values[there].mean(), 0.0)
         scale = np.linalg.norm(e) * np.linalg.norm(s)
         if scale > 0.0:
-            products = (_lagged(e, s, k) for k in range(-LAGS, LAGS + 1))
+            products = [float(e[:-k] @ s[k:]) for k in range(LAGS, 0, -1)]  # sums of e(t) s(t + k)
+            products += [float(e[k:] @ s[: s.size - k]) for k in range(LAGS + 1)]  # of e(t + k) s(t)
             out[name] = max((product / scale for product in products), key=abs)
     return dict(sorted(out.items(), key=lambda pair: -abs(pair[1])))
-
-
-def _lagged(e: Array, s: Array, k: int) -> float:
-    """Return the sum of e(t + k) s(t)."""
-    if k >= 0:
-        return float(e[k:] @ s[: s.size - k])
-    return float(e[:k] @ s[-k:])
 
 
 # --- Recordings that made a fit, and recordings that were held out: only the latter test the fit.
 
 MADE, HELD_OUT = "made the fit", "held out"  # badges of a recording
 NONE_HELD_OUT = "no recording was held out: all were used for the fit, so nothing tests its predictions"
-
-
-def sources_of(drive: Drive) -> dict[str, str]:
-    """Return the recordings (without hashes) behind the identified values of a drive; a file lists at most six."""
-    texts = {origin.source for origin in drive.provenance.values()} - {"not stated"}
-    return {name: "" for text in texts for name in text.partition(" and ")[0].split(", ")}
 
 
 def badge_of(name: str, sha256: str, fitted: Mapping[str, str]) -> str:

@@ -85,14 +85,55 @@ class Cause:
 
 def causes(drive: Drive) -> list[Cause]:
     """Return all causes that can be tested for a drive."""
-    rows = _of_friction(drive) | _of_load(drive) | _of_valve(drive) | _of_leaks(drive) | _of_chambers(drive) | _SENSORS
+    cylinder, valve, load = drive.cylinder, drive.valve, drive.carried
+    rows = _of_friction(drive)
+    heavier = "load.mass" if load.mass_kg > cylinder.moving_mass_kg else "cylinder.moving_mass"
+    rows |= {
+        "moving mass": {"change": _drive(_mass), "free": (heavier,)},
+        "constant force": {"change": _value("load.force", "N", lambda d, f: d.carried.force_n + f)},
+        "spring": {"change": _drive(_spring), "bounds": (-load.spring.stiffness_n_m if load.spring else 0.0, np.inf)},
+    }
+    ratio, gauge = valve.critical_pressure_ratio, drive.supply_pressure_pa - drive.ambient.pressure_pa
+    whole = _value("valve.conductance", "m^3/(s Pa)", lambda d, s: d.valve.conductance_m3_s_pa * (1.0 + s))
+    rows |= {
+        "conductance": {"change": whole},
+        "conductance to exhaust": {"change": _edges(1, 3)},
+        "conductance from supply": {"change": _edges(0, 2)},
+        "conductance of a": {"change": _edges(0, 1)},
+        "conductance of b": {"change": _edges(2, 3)},
+        "critical pressure ratio": {"change": _drive(_ratio), "bounds": (RATIO[0] - ratio, RATIO[1] - ratio)},
+        "valve delay": {"change": _command(_delayed)},
+        "valve zero": {"change": _command(lambda u, zero, _: np.clip(u - zero, -1.0, 1.0))},
+        "dead zone": {"change": _overlap, "bounds": (-(valve.overlap or 0.0), 0.9)},
+        "supply pressure": {"change": _supply, "bounds": (-0.9 * gauge, np.inf)},
+        "supply sag": {"change": _sag(0.0)},
+        "slow supply sag": {"change": _sag(SLOW_SAG_S)},
+    }
+    stated = cylinder.leakage_m3_s_pa / valve.conductance_m3_s_pa
+    piston = _value("cylinder.leakage", "m^3/(s Pa)", _leakage)
+    rows |= {
+        "leak from a": {"change": _opened(np.add, 1), "ratio": _to_ambient(0)},
+        "leak from b": {"change": _opened(np.add, 3), "ratio": _to_ambient(1)},
+        "leak through the valve": {"change": _opened(np.add, 0, 2)},
+        "leak past the piston": {"change": piston, "ratio": _past_piston, "bounds": (-stated, np.inf)},
+    }
+    for key, sides in (("dead volume of a", "a"), ("dead volume of b", "b"), ("dead volumes", "ab")):
+        rows[key] = {"change": _dead_volume(sides)}
+    key, field, unit = "cylinder.heat_transfer", "heat_transfer_w_m2_k", "W/(m^2 K)"
+    if cylinder.heat_transfer_w_m2_k is None:
+        key, field, unit = "cylinder.heat_transfer_scale", "heat_transfer_scale", ""
+    if getattr(cylinder, field) > 0.0:
+        change = _value(key, unit, lambda d, share: getattr(d.cylinder, field) * (1.0 + share))
+        remedy = package_table(__file__, "causes.toml")["heat transfer"]["remedy"].format(key=key)
+        rows["heat transfer"] = {"change": change, "remedy": remedy, "free": (key,)}
+    rows |= _SENSORS
     level, out = drive.friction.parameters.get("coulomb", 1.0), []
-    for key, row in rows.items():
-        entry = {**package_table(__file__, "causes.toml")[key], **row}
+    for name, row in rows.items():
+        entry = {**package_table(__file__, "causes.toml")[name], **row}
         if entry.pop("relative", False):
-            entry.update({name: level * entry[name] for name in ("step", "least")})
-        lists = {name: tuple(value) for name, value in entry.items() if isinstance(value, list)}
-        out.append(Cause(key=key, **{**entry, **lists}))
+            entry.update({size: level * entry[size] for size in ("step", "least")})
+        lists = {field: tuple(value) for field, value in entry.items() if isinstance(value, list)}
+        out.append(Cause(key=name, **{**entry, **lists}))
     return out
 
 
@@ -164,17 +205,6 @@ def _along_stroke(scene: Scene) -> list[Array]:
     return out
 
 
-def _of_load(drive: Drive) -> Rows:
-    spring = drive.carried.spring
-    heavier = "load.mass" if drive.carried.mass_kg > drive.cylinder.moving_mass_kg else "cylinder.moving_mass"
-    force = _value("load.force", "N", lambda d, f: d.carried.force_n + f)
-    return {
-        "moving mass": {"change": _drive(_mass), "free": (heavier,)},
-        "constant force": {"change": force},
-        "spring": {"change": _drive(_spring), "bounds": (0.0 if spring is None else -spring.stiffness_n_m, np.inf)},
-    }
-
-
 def _mass(drive: Drive, share: float) -> Plain:
     """Change the masses of piston and load by the same fraction, so that both stay positive."""
     masses = {"cylinder.moving_mass": drive.cylinder.moving_mass_kg, "load.mass": drive.carried.mass_kg}
@@ -187,26 +217,6 @@ def _spring(drive: Drive, amount: float) -> Plain:
         return {"load.spring.stiffness": write(old.stiffness_n_m + amount, "N/m")}
     middle = write(0.5 * drive.cylinder.stroke_m, "m")
     return {"load.spring": {"stiffness": write(amount, "N/m"), "rest_position": middle}}
-
-
-def _of_valve(drive: Drive) -> Rows:
-    ratio = drive.valve.critical_pressure_ratio
-    gauge = drive.supply_pressure_pa - drive.ambient.pressure_pa
-    whole = _value("valve.conductance", "m^3/(s Pa)", lambda d, s: d.valve.conductance_m3_s_pa * (1.0 + s))
-    return {
-        "conductance": {"change": whole},
-        "conductance to exhaust": {"change": _edges(1, 3)},
-        "conductance from supply": {"change": _edges(0, 2)},
-        "conductance of a": {"change": _edges(0, 1)},
-        "conductance of b": {"change": _edges(2, 3)},
-        "critical pressure ratio": {"change": _drive(_ratio), "bounds": (RATIO[0] - ratio, RATIO[1] - ratio)},
-        "valve delay": {"change": _command(_delayed)},
-        "valve zero": {"change": _command(lambda u, zero, _: np.clip(u - zero, -1.0, 1.0))},
-        "dead zone": {"change": _overlap, "bounds": (-(drive.valve.overlap or 0.0), 0.9)},
-        "supply pressure": {"change": _supply, "bounds": (-0.9 * gauge, np.inf)},
-        "supply sag": {"change": _sag(0.0)},
-        "slow supply sag": {"change": _sag(SLOW_SAG_S)},
-    }
 
 
 def _ratio(drive: Drive, amount: float) -> Plain:
@@ -279,17 +289,6 @@ def _sag(lag_s: float) -> Change:
     return change
 
 
-def _of_leaks(drive: Drive) -> Rows:
-    stated = drive.cylinder.leakage_m3_s_pa / drive.valve.conductance_m3_s_pa
-    piston = _value("cylinder.leakage", "m^3/(s Pa)", _leakage)
-    return {
-        "leak from a": {"change": _opened(np.add, 1), "ratio": _to_ambient(0)},
-        "leak from b": {"change": _opened(np.add, 3), "ratio": _to_ambient(1)},
-        "leak through the valve": {"change": _opened(np.add, 0, 2)},
-        "leak past the piston": {"change": piston, "ratio": _past_piston, "bounds": (-stated, np.inf)},
-    }
-
-
 def _leakage(drive: Drive, share: float) -> float:
     return drive.cylinder.leakage_m3_s_pa + share * drive.valve.conductance_m3_s_pa
 
@@ -306,19 +305,6 @@ def _past_piston(scene: Scene) -> tuple[Array, float]:
     """Return the pressure ratio of a leak past the piston, and the critical ratio of `cylinder.leakage`."""
     a, b = scene.pressures
     return np.minimum(a, b) / np.maximum(a, b), LEAK_CRITICAL_RATIO
-
-
-def _of_chambers(drive: Drive) -> Rows:
-    volumes = {"dead volume of a": "a", "dead volume of b": "b", "dead volumes": "ab"}
-    rows: Rows = {key: {"change": _dead_volume(at)} for key, at in volumes.items()}
-    key, field, unit = "cylinder.heat_transfer", "heat_transfer_w_m2_k", "W/(m^2 K)"
-    if drive.cylinder.heat_transfer_w_m2_k is None:
-        key, field, unit = "cylinder.heat_transfer_scale", "heat_transfer_scale", ""
-    if getattr(drive.cylinder, field) > 0.0:
-        change = _value(key, unit, lambda d, share: getattr(d.cylinder, field) * (1.0 + share))
-        remedy = package_table(__file__, "causes.toml")["heat transfer"]["remedy"].format(key=key)
-        rows["heat transfer"] = {"change": change, "remedy": remedy, "free": (key,)}
-    return rows
 
 
 def _dead_volume(sides: str) -> Change:

@@ -256,11 +256,6 @@ class _Regression:
             return None
         return residual if np.isfinite(residual).all() else None
 
-    def accept(self, fit: _Fit) -> None:
-        """Add a cause, and the causes fitted together with it, to the model."""
-        self.scenes = self.changed(fit.causes, fit.amounts)
-        self.left = self.stacked(scene.residuals for scene in self.scenes)
-
     def sizes(self, e: Array) -> NamedNumbers:
         """Return the root mean square of each balance; NaN for a balance without usable samples."""
         sums = np.bincount(self.places, weights=e * e, minlength=len(BALANCES))
@@ -294,20 +289,14 @@ class _Regression:
         """Return whether a cause leaves only noise, or a residual close to that of the best cause."""
         return 1.0 - fit.share <= RIVAL * (1.0 - best.share) or not self.is_dirty(fit.after)
 
-    def columns(self, task: str) -> Columns:
-        """Return the linear effect of a unit of each cause that has an effect on the residual."""
-        out = {}
-        for cause in self.watch.each(list(self.causes.values()), task):
-            after = None if cause.profile is not None else self.residual([cause], [cause.step])
-            if after is not None and (after != self.left).any():
-                out[cause.key] = (self.left - after) / cause.step
-        return out
-
     def fits(self, skipped: set[str], number: int) -> list[_Fit]:
         """Fit each cause separately, then the best causes with compensating values. Return the fits, best first."""
         wanted = [cause for key, cause in self.causes.items() if key not in skipped]
-        columns = self.columns(f"causes tested after {number} found")
-        linear = []
+        columns, linear = {}, []  # linear effect of a unit of each cause that has an effect on the residual
+        for cause in self.watch.each(list(self.causes.values()), f"causes tested after {number} found"):
+            after = None if cause.profile is not None else self.residual([cause], [cause.step])
+            if after is not None and (after != self.left).any():
+                columns[cause.key] = (self.left - after) / cause.step
         for cause in wanted:
             if cause.profile is not None:
                 linear += self.profile(cause)
@@ -477,7 +466,8 @@ def diagnose(
         if not drive.provenance:  # a companion that no fit has moved may be a cause of its own
             own = (model.companion(fits[0], k) for k in range(len(fits[0].causes) - 1))
             culprits += [model.culprit(fit) for fit in own if model.is_shown(fit)]
-        model.accept(fits[0])
+        model.scenes = model.changed(fits[0].causes, fits[0].amounts)
+        model.left = model.stacked(scene.residuals for scene in model.scenes)
     remains = float(model.left @ model.left) / float(first @ first) if first.size and first.any() else 0.0
     return Diagnosis(model.sizes(first), tuple(culprits), remains, alone)
 

@@ -9,13 +9,13 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import product
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 import polars as pl
 
-from pneudrive.arrays import Array, Bools, Pair, Plain, by_name
-from pneudrive.describe.circuit import Circuit
+from pneudrive.arrays import Array, Pair, Plain, by_name
+from pneudrive.describe import Circuit, Drive
 from pneudrive.describe.files import toml
 from pneudrive.errors import CommandError, RecordingError
 from pneudrive.estimate.estimates import NORMAL_95, Estimate, rms
@@ -37,7 +37,6 @@ from pneudrive.views import Reported, ShownFigure, ShownValue, View
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
 
-    from pneudrive.describe.drive import Drive
     from pneudrive.identify.volume import RegulatorFit
     from pneudrive.signals.layout import AnyLayout
 
@@ -142,18 +141,14 @@ def validate_friction(drive: Drive, path: str | Path) -> FrictionValidation:
     return FrictionValidation(drive, path, pl.concat(curves))
 
 
-def law_n(drive: Drive, velocity_m_s: Array, gauge_a_pa: float, gauge_b_pa: float) -> Array:
-    """Return the steady friction of the drive's law in N, against the motion, at velocities and gauge pressures."""
-    return steady_friction(drive.friction.core(), velocity_m_s, gauge_a_pa, gauge_b_pa, 0.5 * drive.cylinder.stroke_m)
-
-
 def _curve(
     drive: Drive, condition: str, direction: int, gauges_pa: Iterable[float], speed_m_s: Array, *measured_n: Array
 ) -> pl.DataFrame:
     """Return measured friction with its band, and the law's friction in one direction; for 0, the mean of both."""
-    gauges = tuple(gauges_pa)
+    core, (gauge_a_pa, gauge_b_pa), middle_m = drive.friction.core(), gauges_pa, 0.5 * drive.cylinder.stroke_m
     signs = (direction,) if direction else (1, -1)
-    model = np.mean([law_n(drive, sign * speed_m_s, *gauges) for sign in signs], axis=0)
+    sides = [steady_friction(core, sign * speed_m_s, gauge_a_pa, gauge_b_pa, middle_m) for sign in signs]
+    model = np.mean(sides, axis=0)
     names = ("speed_m_s", "friction_n", "low_n", "high_n", "model_n")
     columns = dict(zip(names, (speed_m_s, *measured_n, model), strict=True))
     return pl.DataFrame({"condition": condition, "direction": direction, **columns})
@@ -308,7 +303,7 @@ def close_balance(recording: Recording) -> Closure:
 def _balance(recording: Recording, begin_s: float) -> Closure:
     """Return the balance of a recording without a correction of delays. Times are relative to `begin_s`."""
     time = recording.time_s - begin_s
-    sliding = _sliding(recording, time)
+    sliding = _Sliding(recording, time)
     found, residual, power = sliding.closed(recording)
     span, size_n = float(np.ptp(recording.force_n)) or 1.0, rms(residual)
     value = by_name(sliding.names, found)
@@ -349,13 +344,24 @@ def _balance(recording: Recording, begin_s: float) -> Closure:
     )  # fmt: skip
 
 
-class _Sliding(NamedTuple):
-    """Samples in sliding, named regression columns of friction, and signed speed."""
+class _Sliding:
+    """Samples in sliding (mask `use`), named regression columns of friction (`names`, `base`), and signed speed."""
 
-    use: Bools
-    base: Array
-    names: list[str]
-    speed: Array
+    def __init__(self, recording: Recording, time: Array) -> None:
+        usual = np.median(np.diff(time))
+        speed = local_slope(time, recording.position_m, max(int(SLOPE_S / usual), 1))
+        inside = (recording.position_m - recording.position_m.min()) / np.ptp(recording.position_m)
+        pace = np.abs(speed)
+        self.use = (inside > INSIDE) & (inside < 1.0 - INSIDE) & (pace > SLOWEST * pace.max())
+        self.speed, columns = speed[self.use], {}
+        for way in (1, -1):
+            there = np.sign(self.speed) == way
+            if there.any():
+                columns[f"d{way}"] = there * 1.0
+                low, high = np.quantile(np.abs(self.speed[there]), (0.05, 0.95))
+                if high > ONE_SPEED * low:
+                    columns[f"e{way}"] = np.where(there, self.speed, 0.0)
+        self.names, self.base = list(columns), np.column_stack([*columns.values()])
 
     def closed(self, recording: Recording) -> tuple[Array, Array, float]:
         """Return the coefficients of friction, the residual, and the mean power of friction, positive if it brakes."""
@@ -363,23 +369,6 @@ class _Sliding(NamedTuple):
         found = np.asarray(np.linalg.lstsq(self.base, balance, rcond=None)[0], dtype=float)
         friction = self.base @ found
         return found, balance - friction, float(np.mean(friction * self.speed))
-
-
-def _sliding(recording: Recording, time: Array) -> _Sliding:
-    usual = np.median(np.diff(time))
-    speed = local_slope(time, recording.position_m, max(int(SLOPE_S / usual), 1))
-    inside = (recording.position_m - recording.position_m.min()) / np.ptp(recording.position_m)
-    pace = np.abs(speed)
-    use = (inside > INSIDE) & (inside < 1.0 - INSIDE) & (pace > SLOWEST * pace.max())
-    v, columns = speed[use], {}
-    for way in (1, -1):
-        there = np.sign(v) == way
-        if there.any():
-            columns[f"d{way}"] = there * 1.0
-            low, high = np.quantile(np.abs(v[there]), (0.05, 0.95))
-            if high > ONE_SPEED * low:
-                columns[f"e{way}"] = np.where(there, v, 0.0)
-    return _Sliding(use, np.column_stack([*columns.values()]), list(columns), v)
 
 
 def _doubts(recording: Recording, sliding: _Sliding, share: float, *, brakes: bool) -> list[str]:
@@ -524,7 +513,11 @@ def validate_motion(
     if used:
         solution = solve_follow(FollowProblem(driven, used, [], watch=watch))
         found = tuple(motions.follow_record(solution, at) for at in range(len(used)))
-        doubts += [*motions.misfit_notes(solution), *_late(found)]
+        doubts += motions.misfit_notes(solution)
+        for record in found:  # a data logger whose clock differs from that of the position
+            delay = PressureDelay(*record.delay_s)
+            if delay.is_clear and max(record.rms) < motions.POOR:
+                doubts.append(f"{record.name}: {delay}: the clocks of the loggers differ")
     forces = [record.recording for record in records if np.ptp(record.recording.force_n) > 0.0]
     closures = tuple(close_balance(force) for force in forces)
     badges = {r.name: badge_of(r.name, r.recording.sha256 or "", fitted) for r in records}
@@ -532,15 +525,6 @@ def validate_motion(
     return MotionValidation(
         described, found, closures, tuple(r.name for r in idle), (*notes, *doubts), solution, badges
     )
-
-
-def _late(records: tuple[motions.FollowRecord, ...]) -> list[str]:
-    """Return notes on data loggers whose clock differs from that of the position."""
-    return [
-        f"{r.name}: {delay}: the clocks of the loggers differ"
-        for r in records
-        if (delay := PressureDelay(*r.delay_s)).is_clear and max(r.rms) < motions.POOR
-    ]
 
 
 # --- Validation of the fit of a pressure regulator against further runs.

@@ -61,18 +61,19 @@ class ChannelResult:
     ----------
     free, restarted : Metrics
         Metrics of the free run and of the runs from measured states.
-    whiteness : Whiteness
-    cross : dict
-        Signal -> strongest correlation of the free run's residual with this signal.
     off_s : float or None
         Time in s from which the free run deviates; None if it does not.
+    whiteness : dict
+        Test of the free run's residual for whiteness, see `pneudrive.validate.balance.whiteness`.
+    correlated_with : dict
+        Signal -> strongest correlation of the free run's residual with this signal.
     """
 
     free: balance.Metrics
     restarted: balance.Metrics
-    whiteness: balance.Whiteness
-    cross: NamedNumbers
     off_s: float | None
+    whiteness: NamedNumbers
+    correlated_with: NamedNumbers
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -372,7 +373,9 @@ def validate(
     watch = Watch(progress, cancel)
     read = []
     known = [SWITCHES] * (drive.valve.time_on_s is not None)
-    fitted = fitted or balance.sources_of(drive)
+    if not fitted:  # recordings behind the identified values, without hashes; a file lists at most six
+        texts = {origin.source for origin in drive.provenance.values()} - {"not stated"}
+        fitted = {name: "" for text in texts for name in text.partition(" and ")[0].split(", ")}
     for recording in read_drive_recordings(recordings, layout):
         check_plausible(recording, drive.cylinder.stroke_m, drive.ambient.pressure_pa, drive.supply_pressure_pa)
         own = sensors.sensors_of(recording.name) if isinstance(sensors, DriveFit) else sensors
@@ -395,8 +398,13 @@ def _notes(records: Sequence[RecordResult]) -> Iterator[str]:
 
     Samples without a result are not part of the metrics.
     """
+    a, b = "pressure_a_pa", "pressure_b_pa"
     for r in records:
         position, signals = r.channels["position_m"], r.signals
+        # Whether the pressures of the free run fit only the other chamber (swapped columns).
+        pairs = ((getattr(signals, p), r.free[q]) for p, q in ((a, b), (b, a)))
+        crossed = max(balance.metrics(measured, model).nrmse for measured, model in pairs)
+        is_crossed = crossed < PRESSURE_NRMSE < max(r.channels[p].free.nrmse for p in (a, b))
         if not moves(signals.position_m):
             yield (
                 f"{r.recording.name}: the piston does not move, so that the verdicts compare the model with noise. "
@@ -407,21 +415,13 @@ def _notes(records: Sequence[RecordResult]) -> Iterator[str]:
                 f"{r.recording.name}: the model moves in the opposite direction. Check for a reversed sign or "
                 "swapped chambers: a command above 0 fills chamber a, which moves the piston towards greater positions"
             )
-        elif _is_crossed(r):
+        elif is_crossed:
             yield f"{r.recording.name}: the pressures fit if the chambers are swapped. Check which column is pressure a"
         for run, words in ((r.free, "free run"), (r.restarted, "runs from measured states")):
             if run.failures:
                 lost = int(np.isnan(run["position_m"]).sum())
                 where = f"{r.recording.name}, {words}"
                 yield f"{where}: no result at {lost} samples, which the metrics leave out: {run.failures[0]}"
-
-
-def _is_crossed(record: RecordResult) -> bool:
-    """Return whether the pressures of the free run fit only the other chamber (swapped columns)."""
-    a, b = "pressure_a_pa", "pressure_b_pa"
-    pairs = ((getattr(record.signals, p), record.free[q]) for p, q in ((a, b), (b, a)))
-    crossed = [balance.metrics(measured, model).nrmse for measured, model in pairs]
-    return max(crossed) < PRESSURE_NRMSE < max(record.channels[p].free.nrmse for p in (a, b))
 
 
 def _record(drive: Drive, signals: balance.Signals, window_s: float) -> RecordResult:
@@ -443,9 +443,9 @@ def _record(drive: Drive, signals: balance.Signals, window_s: float) -> RecordRe
         channels[channel] = ChannelResult(
             balance.metrics(measured, free[channel]),
             balance.metrics(measured, restarted[channel]),
+            float(signals.time_s[int(np.argmax(beyond))]) if beyond.any() else None,
             balance.whiteness(residual),
             balance.cross_correlations(residual, stimuli),
-            float(signals.time_s[int(np.argmax(beyond))]) if beyond.any() else None,
         )
     return RecordResult(signals, free, restarted, channels, balance.breakaways(drive, signals))
 
@@ -478,14 +478,7 @@ def _record_table(record: RecordResult) -> Plain:
         "labels": recording.labels,
     }
     for name, channel in record.channels.items():
-        white = channel.whiteness
-        out[name] = {
-            "free": _metrics(channel.free),
-            "restarted": _metrics(channel.restarted),
-            "off_s": channel.off_s,
-            "whiteness": {"outside": white.outside, "ljung_box": white.ljung_box, "p": white.p},
-            "correlated_with": channel.cross,
-        }
+        out[name] = vars(channel) | {"free": _metrics(channel.free), "restarted": _metrics(channel.restarted)}
     return out | {"breakaway": [vars(b) | {"error": b.error} for b in record.breakaways]}
 
 

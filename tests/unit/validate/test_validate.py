@@ -94,11 +94,11 @@ def test_metrics_are_those_of_their_formulas():
 
 def test_white_noise_is_white_and_what_follows_a_signal_is_told_with_its_sign():
     random = np.random.default_rng(5)
-    ps = [whiteness(random.standard_normal(2000)).p for _ in range(200)]
+    ps = [whiteness(random.standard_normal(2000))["p"] for _ in range(200)]
     assert 0.01 < np.mean(np.array(ps) < 0.05) < 0.11
     signal = np.convolve(random.standard_normal(3000), np.ones(4), "same")
     late = np.roll(signal, 7) + 0.1 * random.standard_normal(3000)
-    assert whiteness(late).p < 0.05
+    assert whiteness(late)["p"] < 0.05
     found = cross_correlations(-late, {"position": random.standard_normal(3000), "command": signal})
     assert list(found) == ["command", "position"]
     assert found["command"] == pytest.approx(-1.0, abs=0.05)
