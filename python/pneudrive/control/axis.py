@@ -25,7 +25,7 @@ _UNKNOWN = {
 }
 
 
-def check_axis(belief: Circuit, plant: Keyed) -> None:
+def check_axis(belief: Circuit, plant: Keyed) -> list[str]:
     """Reject a circuit that the controllers cannot model.
 
     Parameters
@@ -33,6 +33,11 @@ def check_axis(belief: Circuit, plant: Keyed) -> None:
     belief : Circuit
     plant : dict
         The core's model of the drive; ``cylinder`` and ``valves`` are names of components.
+
+    Returns
+    -------
+    list of str
+        Parts of cylinder, valves and supply that controllers do not model, such as ``cylinder.cushion``.
 
     Raises
     ------
@@ -44,46 +49,15 @@ def check_axis(belief: Circuit, plant: Keyed) -> None:
     cylinder, valves = plant["cylinder"], plant["valves"]
     ends = {cylinder, *valves, *(name for name, kind in kinds.items() if kind.startswith("reservoir"))}
     if kinds[cylinder] not in _DOUBLE_ACTING:
-        raise _refused(belief, f"{cylinder}.kind", "control.no-model", name=cylinder, kind=kinds[cylinder])
+        raise refused(belief, f"{cylinder}.kind", "control.no-model", name=cylinder, kind=kinds[cylinder])
     if plant["lag_s"] > MOST_LAG_S:
-        raise _refused(belief, f"{valves[0]}.delay", "control.late", lag=plant["lag_s"], most=MOST_LAG_S)
+        raise refused(belief, f"{valves[0]}.delay", "control.late", lag=plant["lag_s"], most=MOST_LAG_S)
     for port, chamber in (("4", "a"), ("2", "b")) if kinds[valves[0]] in _CROSSED else ():
         found = _chambers(joints, f"{valves[0]}.{port}", cylinder, ends)
         if f"{cylinder}.{chamber}" not in found:
             to = " and ".join(sorted(found)) or "no chamber"
             names = {"valve": valves[0], "port": port, "to": to, "cylinder": cylinder}
-            raise _refused(belief, "", "control.crossed", **names)
-
-
-def check_valves(belief: Circuit) -> None:
-    """Reject valves whose flow is a table, because controllers model each valve by a single conductance.
-
-    Parameters
-    ----------
-    belief : Circuit
-
-    Raises
-    ------
-    DescriptionError
-        A valve has a ``flow_table``.
-    """
-    for name, one in belief.core_parts.items():
-        if one["kind"].startswith("valve/") and one.get("points"):
-            raise _refused(belief, f"{name}.flow_table", "control.flow_table", valve=name)
-
-
-def _refused(belief: Circuit, key: str, message: str, **values: object) -> DescriptionError:
-    """Return an error with the line of a component's key, or of the connections, in the file of a drive or circuit."""
-    file = belief.source_file
-    if not Path(file).is_file():
-        return DescriptionError.of(message, where=belief.name, **values)
-    tables, text = toml.read(file)
-    place = f"components.{key}" if "components" in tables else key
-    return toml.located(invalid(place if key else "connections", message, **values), file, text)
-
-
-def unknown_numbers(belief: Circuit) -> list[str]:
-    """Return the parts of cylinder, valves and supply that controllers do not model, such as ``cylinder.cushion``."""
+            raise refused(belief, "", "control.crossed", **names)
     return [
         f"{name}.{what}"
         for name, one in belief.core_parts.items()
@@ -92,6 +66,16 @@ def unknown_numbers(belief: Circuit) -> list[str]:
         if one["kind"].startswith(kind)
         and any(key.startswith(begin) and value > 0.0 for key, value in one["numbers"].items())
     ]
+
+
+def refused(belief: Circuit, key: str, message: str, **values: object) -> DescriptionError:
+    """Return an error with the line of a component's key, or of the connections, in the file of a drive or circuit."""
+    file = belief.source_file
+    if not Path(file).is_file():
+        return DescriptionError.of(message, where=belief.name, **values)
+    tables, text = toml.read(file)
+    place = f"components.{key}" if "components" in tables else key
+    return toml.located(invalid(place if key else "connections", message, **values), file, text)
 
 
 def _chambers(joints: list[list[str]], port: str, cylinder: str, ends: set[str]) -> set[str]:

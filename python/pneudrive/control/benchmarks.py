@@ -18,11 +18,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from pneudrive.control.loop import RTOL, Prepared, prepare, run_prepared
-from pneudrive.control.mismatch import Mismatch, MismatchOrFile, Truth, mismatched, read_mismatch
+from pneudrive.control.mismatch import Mismatch, MismatchOrFile, mismatched, read_mismatch
 from pneudrive.control.own_law import is_own
-from pneudrive.control.references import USUAL, ReferenceOrFile, reference, standard_references
+from pneudrive.control.references import NAMES, USUAL, ReferenceOrFile, named_or_read, reference
 from pneudrive.control.scores import SHOWN, SPREAD_SHOWN, Score, written
-from pneudrive.control.setup import SetupOrFile, read_setup
+from pneudrive.control.setup import Setup, SetupOrFile, read_setup
 from pneudrive.control.tuning import Tuning, laws, tune
 from pneudrive.ensemble.variation import processors
 from pneudrive.errors import CommandError, RecordingError, SimulationError
@@ -388,11 +388,11 @@ def key_of(prepared: Prepared, seed: int, mark: str) -> str:
     decides = {
         "core": core_hash(),
         "measures": list(Score.__dataclass_fields__),
-        "drive": prepared.truth.core_json,
+        "drive": prepared.core_json,
         "controller": prepared.tuning.core(),
         "motion": prepared.reference.core(),
-        "setup": prepared.truth.setup.core(seed, prepared.circuit.ambient.pressure_pa),
-        "start": prepared.start | prepared.truth.start,
+        "setup": prepared.setup.core(seed, prepared.circuit.ambient.pressure_pa),
+        "start": prepared.start,
         "duration_s": prepared.duration_s,
         "rtol": RTOL,
     }
@@ -445,7 +445,7 @@ class Store:
             if reason or not is_kept:
                 with self.lock:
                     _log(self.lines, score, {"key": key, "reason": reason})
-        return ControlledRun(law, along, seed, score, reason, file, prepared.truth.values)
+        return ControlledRun(law, along, seed, score, reason, file, prepared.deviations)
 
 
 def _score_in(file: Path, key: str) -> Score | None:
@@ -470,8 +470,10 @@ SPREAD_SEED, MOST_TRUTHS = 0, 64  # seed of a spread's samples; members that are
 def standard(drive: DriveOrCircuit) -> dict[str, Reference]:
     """Return the standard references for a drive, slowed if they exceed 85 % of its speeds at full opening.
 
-    R1 and R2 are sines, R3 stairs, R4 ramps, R5 a step and a long rest. R6 is a long fast move.
-    `feasibility` also checks whether the force suffices.
+    R1 and R2: sines of 60 mm, 0.5 and 1 Hz, about mid stroke. R3: stairs, 60 mm forth and back in 0.3 s, then to 0.8
+    and to 0.2 of the stroke. R4: ramps of 1, 10 and 100 mm/s. R5: 60 mm in 0.3 s and 40 s of rest. R6: 0.6 of the
+    stroke in 0.25 s.
+    For a stroke below 200 mm, 0.3 of the stroke replaces 60 mm. `feasibility` also checks whether the force suffices.
 
     Raises
     ------
@@ -484,7 +486,8 @@ def standard(drive: DriveOrCircuit) -> dict[str, Reference]:
     >>> pn.control.standard(pn.Drive.load("catalogue:reference"))["R1"].text
     'sine 60 mm 0.5 Hz around 250 mm'
     """
-    return standard_references(*tune(drive).reach)
+    reach = tune(drive).reach
+    return {name: named_or_read(name, *reach) for name in NAMES}
 
 
 def benchmark(
@@ -561,11 +564,8 @@ def benchmark(
     }
     store = Store(folder, keeps=own is None, mark=mark_of(folder, tunings))
     first = next(iter(prepared.values()))
-    truth_of = _truths(first, own)
 
-    def prepared_for(law: str, along: str, seed: int) -> Prepared:
-        return prepared[law, along]._replace(truth=truth_of(seed))
-
+    prepared_for = _by_member(prepared, own)
     keys = "".join(key_of(prepared_for(law, along, 1), 1, store.mark) for law, along in prepared)
     about: Plain = {"drive": drive.name, "setup": name, "setup_about": read.about, "mismatch": first.mismatch}
     about |= {"spread": of_spread, "count": count, "rtol": RTOL}
@@ -588,17 +588,25 @@ def benchmark(
     return made
 
 
-def _truths(first: Prepared, spread: Mismatch | None) -> Callable[[int], Truth]:
-    """Return a function that gives the true drive for a seed, or for a member of a spread."""
-    core_json = first.circuit.core_json()
+def _by_member(
+    prepared: Mapping[tuple[str, str], Prepared], spread: Mismatch | None
+) -> Callable[[str, str, int], Prepared]:
+    """Return a function that gives the inputs of a run. Each member of a spread is another true drive."""
+    first = next(iter(prepared.values()))
 
     @lru_cache(maxsize=MOST_TRUTHS)
-    def of(member: int) -> Truth:
-        if spread is None:
-            return first.truth
-        return mismatched(core_json, first.plant, first.setup, spread, spread.drawn(SPREAD_SEED, member))
+    def true_drive(member: int) -> tuple[str, NamedNumbers, Setup, NamedNumbers]:
+        assert spread is not None
+        return mismatched(first.core_json, first.plant, first.setup, spread, spread.drawn(SPREAD_SEED, member))
 
-    return of
+    def prepared_for(law: str, along: str, seed: int) -> Prepared:
+        described = prepared[law, along]
+        if spread is None:
+            return described
+        core_json, volume, setup, true = true_drive(seed)
+        return described._replace(core_json=core_json, start=described.start | volume, setup=setup, deviations=true)
+
+    return prepared_for
 
 
 def _count(seeds: int, members: int | None, *, is_spread: bool) -> int:

@@ -8,13 +8,14 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from pneudrive import _core
+from pneudrive.arrays import NamedNumbers
 from pneudrive.control.axis import supply_of
-from pneudrive.control.mismatch import OF_VALVE, Mismatch, MismatchOrFile, Truth, mismatched, one_value, read_mismatch
+from pneudrive.control.mismatch import OF_VALVE, Mismatch, MismatchOrFile, mismatched, read_mismatch
 from pneudrive.control.motion import NEVER, Reference, rounded_up
 from pneudrive.control.references import ReferenceOrFile, beyond_stroke, check_reach, named_or_read
 from pneudrive.control.scores import air_of, score_of
 from pneudrive.control.setup import CHANNEL_UNITS, Setup, SetupOrFile, read_setup, ready_setups, told
-from pneudrive.control.tuning import ControllerOrFile, Plant, Tuning, alone, laws, tune
+from pneudrive.control.tuning import ControllerOrFile, Plant, Tuning, laws, tune
 from pneudrive.describe.system import compiled
 from pneudrive.errors import CommandError, PneudriveError, SimulationError, warn
 from pneudrive.files.inputs import INPUTS, inputs_of
@@ -29,7 +30,7 @@ if TYPE_CHECKING:
 
     import xarray as xr
 
-    from pneudrive.arrays import Array, NamedNumbers, Pair, Plain
+    from pneudrive.arrays import Array, Pair, Plain
     from pneudrive.control.own_law import RunningLaw
     from pneudrive.describe import Circuit
     from pneudrive.simulation.start import DriveOrCircuit, StartState
@@ -130,32 +131,30 @@ class Feasibility(Viewed):
         if self.left_out:
             texts["left out"] = ", ".join(self.left_out)
         rows = [ShownValue(name, name, VALUE, text) for name, text in texts.items()]
+        limit = f"{100.0 * SHARE:.0f} % of each limit"
+        model = f"{limit} of a model without {', '.join(self.left_out)}" if self.left_out else limit
+        beyond = beyond_stroke(self.reference, self.stroke_m)
+        if self.is_feasible:
+            verdict = f"yes: it takes at most {limit}"
+        elif self.factor == 1.0:
+            verdict = f"not decided: it takes at most {model}; pneudrive control run shows the error with these parts"
+        elif beyond is not None:
+            verdict = f"no: {beyond[0]}; {beyond[1]}"
+        elif self.factor is None:
+            verdict = f"no: at any speed, it does not stay within {model}"
+        else:
+            slower = self.reference.stretched(self.factor)
+            as_text = "" if slower.pieces else f", as {slower.text}"  # polynomials have no text
+            slowed = f"slowed by a factor of {rounded_up(self.factor):g}{as_text}, it takes at most {model}"
+            verdict = f"no: {slowed}; pneudrive control run shows the error at full speed"
         state = passed if self.factor == 1.0 else "bad"
         return View(
             self.reference.text,
             (*rows, *(replace(value, state="good") for value in leading)),
             state=state,
             leading=leading,
-            findings=(Finding(f"Feasible: {self._verdict()}", state),),
+            findings=(Finding(f"Feasible: {verdict}", state),),
         )
-
-    def _verdict(self) -> str:
-        limit = f"{100.0 * SHARE:.0f} % of each limit"
-        if self.is_feasible:
-            return f"yes: it takes at most {limit}"
-        if self.left_out:
-            limit += f" of a model without {', '.join(self.left_out)}"
-        if self.factor == 1.0:
-            return f"not decided: it takes at most {limit}; pneudrive control run shows the error with these parts"
-        beyond = beyond_stroke(self.reference, self.stroke_m)
-        if beyond is not None:
-            return f"no: {beyond[0]}; {beyond[1]}"
-        if self.factor is None:
-            return f"no: at any speed, it does not stay within {limit}"
-        slower = self.reference.stretched(self.factor)
-        written = "" if slower.pieces else f", as {slower.text}"  # polynomials have no text
-        kept = f"slowed by a factor of {rounded_up(self.factor):g}{written}, it takes at most {limit}"
-        return f"no: {kept}; pneudrive control run shows the error at full speed"
 
 
 def _percent(share: float) -> str:
@@ -349,7 +348,8 @@ MEANINGS = {
 class Prepared(NamedTuple):
     """All inputs that determine a run under control, except its seed.
 
-    `plant` is the simulated drive as described. `warnings` list inputs without effect, or with an unexpected effect.
+    `plant` is the simulated drive as described. `core_json`, `start` and `setup` have the deviations of the mismatch.
+    `warnings` list inputs without effect, or with an unexpected effect.
     """
 
     circuit: Circuit
@@ -360,7 +360,8 @@ class Prepared(NamedTuple):
     setup_name: str
     start: NamedNumbers
     duration_s: float
-    truth: Truth
+    core_json: str
+    deviations: NamedNumbers
     mismatch: str = ""
     warnings: tuple[str, ...] = ()
     step_repeats: int = 1
@@ -476,7 +477,9 @@ def prepare(
     if believes is not None:
         require(believes, "core_json", "believes", 'pn.Drive.load("drive.toml")')
     if isinstance(controller, Tuning):
-        tuning = alone(controller, law=law, believes=believes)
+        tuning = controller
+        for name in (name for name, one in (("law", law), ("believes", believes)) if one is not None):
+            raise CommandError.of("control.beside_tuning", name=name, law=tuning.law, drive=tuning.belief.name)
     else:
         tuning = tune(drive, law, setup=setup, controller=controller, believes=believes, allow_code=allow_code)
     read, name = read_setup(tuning.setup if setup is None else setup)
@@ -495,24 +498,55 @@ def prepare(
     if not 1.0 <= round(samples) <= MOST_SAMPLES:
         what = f"duration = {seconds:g} s at a period of {1e3 * tuning.period_s:g} ms gives {samples:.3g} samples"
         raise CommandError(what, rule=f"1 to {MOST_SAMPLES:.0e} samples")
-    warnings = [*_missed(to_follow, read), *_beyond_switches(read, to_follow, plant.stroke_m)]
     names, given = circuit.start_names, dict(drive.circuit_values(initial))
     usual = plant.at_rest(float(to_follow.at([0.0])[0, 0]))
     taken = {names.get(key) for key in given}
     start = circuit.core_initial({key: value for key, value in usual.items() if names[key] not in taken} | given)
-    truth, called = Truth(circuit.core_json(), {}, read, {}), ""
+    core_json, deviations, called, unseen = circuit.core_json(), NamedNumbers(), "", ""
     if mismatch is not None:
         own, called = read_mismatch(mismatch)
-        drawn = one_value(own, called)
-        truth = mismatched(circuit.core_json(), plant, read, own, drawn)
-        without = next(iter(drawn.keys() - truth.values.keys()), "").removesuffix("_b")
-        if without:
-            warnings.append(f"mismatch {called}: {without} has no effect: the setup has no pressure sensors")
-    warnings += read.short_of(supply_of(truth.core_json)[0], circuit.ambient.pressure_pa)
-    warnings += truth.setup.later_than(seconds)
+        wide = next((key for key, (low, high) in own.ranges.items() if low < high), None)
+        if wide is not None:
+            raise CommandError.of("control.spread", name=called, key=wide)
+        drawn = own.drawn(0, 0)
+        core_json, volume, read, deviations = mismatched(core_json, plant, read, own, drawn)
+        start |= volume
+        unseen = next(iter(drawn.keys() - deviations.keys()), "").removesuffix("_b")
+    prepared = Prepared(circuit, tuning, plant, to_follow, read, name, start, seconds, core_json, deviations, called)
+    warnings = tuple(_warnings(prepared, unseen))
     for said in warnings:
         warn(said)
-    return Prepared(circuit, tuning, plant, to_follow, read, name, start, seconds, truth, called, tuple(warnings))
+    return prepared._replace(warnings=warnings)
+
+
+def _warnings(prepared: Prepared, unseen: str) -> Iterator[str]:
+    """Yield warnings of a run: inputs without effect, or with an unexpected effect. Reject switches outside the stroke.
+
+    `unseen` is the name of a deviation of pressure sensors that the setup does not have.
+    """
+    along, setup, stroke_m = prepared.reference, prepared.setup, prepared.plant.stroke_m
+    least = max(setup.sensors.position.resolution_m or 0.0, LEAST_MISSED_M)
+    if along.points_missed_m is not None and along.points_missed_m > least:
+        missed = f"the curve of the reference misses its points by up to {1e3 * along.points_missed_m:.3g} mm"
+        yield f"{along.text}: {missed}; errors refer to the curve"
+    if setup.switches is not None:
+        low_m, high_m = setup.switches.low_m, setup.switches.high_m
+        said = f"setup: switches from {1e3 * low_m:g} mm to {1e3 * high_m:g} mm"
+        if not (low_m < stroke_m and high_m > 0.0):
+            rule = f"their range must include a part of the stroke, 0 mm to {1e3 * stroke_m:g} mm"
+            raise CommandError(said, rule=rule)
+        reach = along.reach()
+        if not low_m <= reach.lowest_m <= reach.highest_m <= high_m:
+            leads = f"{1e3 * reach.lowest_m:g} mm to {1e3 * reach.highest_m:g} mm"
+            yield f"{said}: the reference goes from {leads}; beyond a switch, only commands that lead back are allowed"
+    if unseen:
+        yield f"mismatch {prepared.mismatch}: {unseen} has no effect: the setup has no pressure sensors"
+    yield from setup.short_of(supply_of(prepared.core_json)[0], prepared.circuit.ambient.pressure_pa)
+    end_s = prepared.duration_s
+    for name, entries in (("disturbances", setup.disturbances), ("faults", setup.faults)):
+        late = [one.at_s for one in entries if one.at_s >= end_s]
+        if late:
+            yield f"{name}: the entry at {min(late):g} s has no effect, because the run ends at {end_s:g} s"
 
 
 def run_prepared(prepared: Prepared, seed: int, watch: Watch = UNWATCHED) -> Run:
@@ -520,16 +554,15 @@ def run_prepared(prepared: Prepared, seed: int, watch: Watch = UNWATCHED) -> Run
     seed = whole_number("seed", seed, 0)
     circuit, tuning, motion = prepared.circuit, prepared.tuning, prepared.reference.core()
     ambient_pa, seconds = circuit.ambient.pressure_pa, prepared.duration_s
-    truth = prepared.truth
-    setup = truth.setup.core(seed, ambient_pa) | {"step_repeats": prepared.step_repeats}
+    setup = prepared.setup.core(seed, ambient_pa) | {"step_repeats": prepared.step_repeats}
     watch.look()
-    own = None if tuning.own is None else tuning.own.begin(tuning.model, motion, tuning.period_s)
-    axes, start = [(tuning.core(), motion, setup)], prepared.start | truth.start
-    (columns,), _, mass_kg = run_axes(truth.core_json, start, axes, [], seconds, watch, own)
+    own = None if tuning.own is None else tuning.own.begin(tuning, motion)
+    axes = [(tuning.core(), motion, setup)]
+    (columns,), _, mass_kg = run_axes(prepared.core_json, prepared.start, axes, [], seconds, watch, own)
     events = told(columns.pop("events", []))
     named = {meaning(column)[0]: values for column, values in columns.items()}
     gas = circuit.gas.heat_capacity_ratio, circuit.gas.gas_constant_j_kg_k
-    air = air_of(mass_kg, supply_of(truth.core_json), (ambient_pa, circuit.ambient.temperature_k), gas)
+    air = air_of(mass_kg, supply_of(prepared.core_json), (ambient_pa, circuit.ambient.temperature_k), gas)
     found = score_of(named["time"], named, motion, air)
     said: Plain = {"air": air, "score": found.to_dict(), "events": events, "samples": len(named["time"])}
     if own is not None and own.failure is not None:  # the standby law has taken over
@@ -542,7 +575,7 @@ def run_prepared(prepared: Prepared, seed: int, watch: Watch = UNWATCHED) -> Run
         "factors": tuning.controller.factors.to_dict(),
         "belief_hash": tuning.belief.description_hash,
         "mismatch": prepared.mismatch,
-        "deviations": prepared.truth.values,
+        "deviations": prepared.deviations,
         "motion": motion,
     }
     return Run(columns, made | said, MEANINGS)
@@ -593,28 +626,6 @@ def run_axes(
     finally:
         if own is not None and own.stopped is not None:
             raise own.stopped
-
-
-def _beyond_switches(setup: Setup, along: Reference, stroke_m: float) -> Iterator[str]:
-    """Warn of a reference beyond a limit switch; reject switches outside the stroke."""
-    if setup.switches is None:
-        return
-    low_m, high_m = setup.switches.low_m, setup.switches.high_m
-    said = f"setup: switches from {1e3 * low_m:g} mm to {1e3 * high_m:g} mm"
-    if not (low_m < stroke_m and high_m > 0.0):
-        raise CommandError(said, rule=f"their range must include a part of the stroke, 0 mm to {1e3 * stroke_m:g} mm")
-    reach = along.reach()
-    if not low_m <= reach.lowest_m <= reach.highest_m <= high_m:
-        leads = f"{1e3 * reach.lowest_m:g} mm to {1e3 * reach.highest_m:g} mm"
-        yield f"{said}: the reference goes from {leads}; beyond a switch, only commands that lead back are allowed"
-
-
-def _missed(along: Reference, setup: Setup) -> Iterator[str]:
-    """Warn if a reference misses its own points by more than the resolution of a sensor."""
-    least = max(setup.sensors.position.resolution_m or 0.0, LEAST_MISSED_M)
-    if along.points_missed_m is not None and along.points_missed_m > least:
-        missed = f"the curve of the reference misses its points by up to {1e3 * along.points_missed_m:.3g} mm"
-        yield f"{along.text}: {missed}; errors refer to the curve"
 
 
 def provenance_of(

@@ -6,7 +6,7 @@ import json
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 
 import numpy as np
 from pydantic import Field
@@ -18,11 +18,9 @@ from pneudrive.describe.base import Described
 from pneudrive.describe.kinds import component_kinds
 from pneudrive.describe.marks import Bounds, Choice, Quantity, parameter_quantities
 from pneudrive.describe.tables.friction import friction_laws, options_of
-from pneudrive.errors import CommandError, DescriptionError, invalid
+from pneudrive.errors import DescriptionError, invalid
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from pneudrive.control.tuning import Plant
 
 READY = Path(__file__).with_name("mismatches")
@@ -185,34 +183,25 @@ PLACES = (
 DRAWS = (*PLACES, *(f"{name}_b" for name in _SENSORS))
 
 
-class Truth(NamedTuple):
-    """True values of a drive that deviate from its description.
-
-    Attributes
-    ----------
-    core_json : str
-        The circuit in the core's form.
-    start : dict
-        Values of the start state that the description does not contain.
-    setup : Setup
-    values : dict
-        Name of each deviating value -> the true value.
-    """
-
-    core_json: str
-    start: NamedNumbers
-    setup: Setup
-    values: NamedNumbers
-
-
 def mismatched(
     core_json: str,
     plant: Plant,
     setup: Setup,
     mismatch: Mismatch,
     drawn: NamedNumbers,
-) -> Truth:
+) -> tuple[str, NamedNumbers, Setup, NamedNumbers]:
     """Apply the sampled values of a mismatch to a drive in the core's form.
+
+    Returns
+    -------
+    str
+        The circuit in the core's form.
+    dict
+        Values of the start state that the description does not contain.
+    Setup
+        The setup with the errors of its sensors and with all disturbances.
+    dict
+        Name of each deviating value -> the true value.
 
     Raises
     ------
@@ -248,7 +237,7 @@ def mismatched(
     start = _supply(form, drawn, conductance)
     unseen = set() if setup.sensors.pressure_a is not None else _SENSORS.keys()
     values = {name: value for name, value in drawn.items() if name.removesuffix("_b") not in unseen}
-    return Truth(json.dumps(form, sort_keys=True), start, _sensors(setup, mismatch, drawn), values)
+    return json.dumps(form, sort_keys=True), start, _sensors(setup, mismatch, drawn), values
 
 
 def _other_law(word: str, friction: Keyed) -> Plain:
@@ -299,18 +288,12 @@ def _sensors(setup: Setup, mismatch: Mismatch, drawn: NamedNumbers) -> Setup:
         if own is not None:
             values = {key: drawn[name + mark] for name, key in _SENSORS.items() if name + mark in drawn}
             changed = changed.model_copy(update={sensor: own.model_copy(update=values)})
-    forces = _added(setup.disturbances, mismatch.disturbances)
-    return setup.model_copy(update={"sensors": changed, "disturbances": forces})
-
-
-def _added(*each: Sequence[Disturbance]) -> tuple[Disturbance, ...]:
-    """Add stepwise forces. Each value acts from its time until the next value of the same force."""
-
-    def force_n(of: Sequence[Disturbance], at_s: float) -> float:
-        return next((one.force_n for one in reversed(of) if one.at_s <= at_s), 0.0)
-
-    times = sorted({one.at_s for of in each for one in of})
-    return tuple(Disturbance.model_construct(at_s=at, force_n=sum(force_n(of, at) for of in each)) for at in times)
+    # The forces are steps, which add up: each value acts from its time until the next value of the same force.
+    each, forces = (setup.disturbances, mismatch.disturbances), []
+    for at_s in sorted({one.at_s for of in each for one in of}):
+        acting = (next((one.force_n for one in reversed(of) if one.at_s <= at_s), 0.0) for of in each)
+        forces.append(Disturbance.model_construct(at_s=at_s, force_n=sum(acting)))
+    return setup.model_copy(update={"sensors": changed, "disturbances": tuple(forces)})
 
 
 @cache
@@ -343,17 +326,3 @@ def read_mismatch(given: MismatchOrFile) -> tuple[Mismatch, str]:
     (1.3, 1.3)
     """
     return read_ready(Mismatch, given, ready_mismatches(), "For instance: schema = 1, then moving_mass = 1.3.")
-
-
-def one_value(mismatch: Mismatch, name: str) -> NamedNumbers:
-    """Return the values of a mismatch without ranges.
-
-    Raises
-    ------
-    CommandError
-        The mismatch has ranges.
-    """
-    if mismatch.is_spread:
-        wide = next(key for key, (low, high) in mismatch.ranges.items() if low < high)
-        raise CommandError.of("control.spread", name=name, key=wide)
-    return mismatch.drawn(0, 0)

@@ -345,21 +345,18 @@ def ways_of(motion: Keyed) -> list[ReferenceMove]:
     found, before = [], (0.0, float(motion["start_m"]))
     for move in moves:
         begin = before = (move.begin_s, before[1])
-        parts = [one for one in motion["pieces"] if move.begin_s <= one[0] < move.end_s]
-        for at_s, to_m in _turns([begin, *(point for one in parts for point in _extremes(one))]):
+        points = [begin]  # where a piece may reverse, and the end of each piece
+        for begin_s, duration_s, *numbers in motion["pieces"]:
+            if move.begin_s <= begin_s < move.end_s:
+                path = np.polynomial.Polynomial(numbers)
+                roots = path.deriv().roots()
+                real = roots[np.abs(roots.imag) < _REAL].real
+                shares = [*np.sort(real[(real > 0.0) & (real < 1.0)]), 1.0]
+                points += [(begin_s + duration_s * float(share), float(path(share))) for share in shares]
+        for at_s, to_m in _turns(points):
             found.append(ReferenceMove(before[0], at_s - before[0], to_m))
             before = (at_s, to_m)
     return found
-
-
-def _extremes(piece: Row) -> list[Pair]:
-    """Return time and position of each point at which a piece may reverse, and of the end of the piece."""
-    begin_s, duration_s, *numbers = piece
-    path = np.polynomial.Polynomial(numbers)
-    roots = path.deriv().roots()
-    real = roots[np.abs(roots.imag) < _REAL].real
-    shares = [*np.sort(real[(real > 0.0) & (real < 1.0)]), 1.0]
-    return [(begin_s + duration_s * float(share), float(path(share))) for share in shares]
 
 
 def _turns(points: Sequence[Pair]) -> list[Pair]:

@@ -11,11 +11,14 @@ from collections import namedtuple
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from pneudrive import _core, own_code
 from pneudrive.arrays import Keyed
 from pneudrive.errors import CommandError, OwnLawError, nearest
+
+if TYPE_CHECKING:
+    from pneudrive.control.tuning import Tuning
 
 #: Name of all custom laws in the core.
 OWN = "own"
@@ -84,12 +87,14 @@ class OwnLaw:
     digest: str
     given: Any = field(repr=False, compare=False)  # the law, or a class or a function that makes one for a run
 
-    def begin(self, model: object, motion: Keyed, period_s: float) -> RunningLaw:
+    def begin(self, tuning: Tuning, motion: Keyed) -> RunningLaw:
         """Prepare the law for a run: make its object, check its inputs, and call its ``start`` if it has one."""
         name = self.name
         law = own_code.guarded(name, CommandError, self.given) if callable(self.given) else self.given
         inputs = _inputs(name, law)
-        own_code.guarded(name, CommandError, lambda: law.start(model, period_s) if hasattr(law, "start") else None)
+        own_code.guarded(
+            name, CommandError, lambda: law.start(tuning, tuning.period_s) if hasattr(law, "start") else None
+        )
         make = namedtuple("Sample", inputs)._make
         step, preview = law.step, _core.ControlReference(json.dumps(motion))
         return RunningLaw(name, lambda values: step(values[0], make(values[1:]), preview), ["time", *inputs])

@@ -131,7 +131,14 @@ def reference(given: ReferenceOrFile) -> motion.Reference:
     if not text:
         raise CommandError("the reference is empty", remedy=f"Give {FORMS}.")
     if text.lower().startswith("sine"):
-        return _sine_of(text)
+        found = _SINE.fullmatch(text)
+        if found is None:
+            raise CommandError.of("control.sine", text=text, example=FORMS.split(",")[0])
+        amplitude, frequency, centre = map(_quantity, found.groups(), ("m", "1/s", "m"), (text,) * 3)
+        for name, value in (("amplitude", amplitude), ("frequency", frequency)):
+            if not value > 0.0:
+                raise CommandError(f"reference: the {name} of the sine is {value:g}", value=text, rule="greater than 0")
+        return motion.Reference(text, centre, amplitude_m=amplitude, frequency_hz=frequency)
     if _STANDARD.fullmatch(text):
         raise CommandError.of("control.standard", text=text)
     if text.isidentifier():
@@ -159,19 +166,6 @@ def moves_of_text(text: str, si_unit: str) -> motion.Reference:
         begin_s, duration_s = (_quantity(one.strip(), "s", text) for one in (begin, duration))
         moves.append(motion.ReferenceMove(begin_s, duration_s, _quantity(to.strip(), si_unit, text)))
     return _checked(text, start, moves)
-
-
-def _sine_of(text: str) -> motion.Reference:
-    found = _SINE.fullmatch(text)
-    if found is None:
-        raise CommandError.of("control.sine", text=text, example=FORMS.split(",")[0])
-    amplitude, frequency, centre = (
-        _quantity(one, unit, text) for one, unit in zip(found.groups(), ("m", "1/s", "m"), strict=True)
-    )
-    for name, value in (("amplitude", amplitude), ("frequency", frequency)):
-        if not value > 0.0:
-            raise CommandError(f"reference: the {name} of the sine is {value:g}", value=text, rule="greater than 0")
-    return motion.Reference(text, centre, amplitude_m=amplitude, frequency_hz=frequency)
 
 
 def _quantity(given: str, si_unit: str, text: str) -> float:
@@ -315,37 +309,14 @@ _RAMPS = ((0.001, 0.005), (0.01, 0.03), (0.1, 0.1))
 _RUN_UP_S, _PAUSE_S = 0.1, 1.0
 
 
-def standard_references(stroke_m: float, speeds_m_s: Pair) -> dict[str, motion.Reference]:
-    """Return the standard references for a drive, limited to 0.85 of its speeds at full opening.
-
-    R1 and R2: sines of 60 mm, 0.5 and 1 Hz, about mid stroke. R3: stairs, 60 mm forth and back in 0.3 s, then to 0.8
-    and to 0.2 of the stroke. R4: ramps of 1, 10 and 100 mm/s. R5: 60 mm in 0.3 s and 40 s of rest. R6: 0.6 of the
-    stroke in 0.25 s.
-    For a stroke below 200 mm, 0.3 of the stroke replaces 60 mm.
-
-    Parameters
-    ----------
-    stroke_m : float
-    speeds_m_s : pair of float
-        As for `check_reach`.
-
-    Returns
-    -------
-    dict
-        Name -> reference.
-    """
-    return {name: _standard(name, stroke_m, speeds_m_s) for name in NAMES}
-
-
 def named_or_read(given: ReferenceOrFile, stroke_m: float, speeds_m_s: Pair) -> motion.Reference:
     """Return a standard reference for a drive by its name, or read any other reference.
 
     Errors are those of `reference`.
     """
-    return _standard(str(given), stroke_m, speeds_m_s) if given in NAMES else reference(given)
-
-
-def _standard(name: str, stroke_m: float, speeds_m_s: Pair) -> motion.Reference:
+    if given not in NAMES:
+        return reference(given)
+    name = str(given)
     step = min(0.06, _STROKE_SHARE * stroke_m)
     low, middle, right, left = (round(share * stroke_m, 6) for share in (0.46, 0.5, 0.8, 0.2))
     high = round(low + step, 6)
@@ -362,17 +333,13 @@ def _standard(name: str, stroke_m: float, speeds_m_s: Pair) -> motion.Reference:
         start_m, each, rest_s = moves[name]
         made = motion.stairs(start_m, [motion.ReferenceMove(*one) for one in each], rest_s)
     else:
-        made = _ramps(middle, stroke_m / RAMPS_STROKE_M)
+        rows, at, time = [], middle, _PAUSE_S
+        for velocity, way in _RAMPS:  # at constant velocity, each forth and back
+            for sign in (1.0, -1.0):
+                size = stroke_m / RAMPS_STROKE_M
+                to, lasts = at + sign * size * way, size * way / velocity
+                rows += motion.along_line(time, at, to, lasts, _RUN_UP_S)
+                at, time = to, time + lasts + _RUN_UP_S + _PAUSE_S
+        made = motion.Reference("ramps of 1, 10 and 100 mm/s", middle, pieces=tuple(rows))
     share = made.reach(speeds_m_s).share
     return made.stretched(share / _SPEED_SHARE if share < motion.NEVER else 1.0)
-
-
-def _ramps(start_m: float, size: float) -> motion.Reference:
-    """Return ramps at constant velocity, each forth and back."""
-    rows, at, time = [], start_m, _PAUSE_S
-    for velocity, way in _RAMPS:
-        for sign in (1.0, -1.0):
-            to, lasts = at + sign * size * way, size * way / velocity
-            rows += motion.along_line(time, at, to, lasts, _RUN_UP_S)
-            at, time = to, time + lasts + _RUN_UP_S + _PAUSE_S
-    return motion.Reference("ramps of 1, 10 and 100 mm/s", start_m, pieces=tuple(rows))

@@ -233,7 +233,7 @@ def score_of(time: Array, of: Mapping[str, Array], motion: Keyed, air: NamedNumb
     took = of["step_time"]
     jumps = [np.abs(np.diff(of[name])).max(initial=0.0) for name in ("pressure_a", "pressure_b")]
     start, each, overshoots = motion.get("start_m", 0.0), moves_of(motion), []
-    for move, from_m, until in _spans((start, ways_of(motion)), float(time[-1])):  # beyond the end of each move
+    for move, from_m, until in _spans(start, ways_of(motion), float(time[-1])):  # beyond the end of each move
         inside = (time >= move.begin_s) & (time <= until)
         beyond = math.copysign(1.0, move.to_m - from_m) * (x[inside] - move.to_m)
         if beyond.size:
@@ -243,7 +243,7 @@ def score_of(time: Array, of: Mapping[str, Array], motion: Keyed, air: NamedNumb
         max_error_m=float(np.abs(scored).max()),
         first_rmse_m=rms(first),
         first_max_error_m=float(np.abs(first).max()),
-        **_of_moves(time, x, of["velocity"], error, (start, each)),
+        **_of_moves(time, x, of["velocity"], error, start, each),
         overshoot_m=max(overshoots, default=None),
         iae_m_s=float(np.sum(np.abs(error))) * step,
         itae_m_s2=float(np.sum(time * np.abs(error))) * step,
@@ -295,23 +295,19 @@ def air_of(mass_kg: float, supply: Pair, ambient: Pair, gas: Pair) -> NamedNumbe
     return {"mass_kg": mass_kg, "anr_m3": mass_kg / anr_density_kg_m3(k, r), "exergy_j": mass_kg * specific}
 
 
-_Moves = tuple[float, list[ReferenceMove]]
-
-
-def _spans(of: _Moves, end_s: float) -> Iterator[tuple[ReferenceMove, float, float]]:
+def _spans(start: float, moves: list[ReferenceMove], end_s: float) -> Iterator[tuple[ReferenceMove, float, float]]:
     """Yield each move, its start position, and the time at which the next move begins or the run ends."""
-    start, moves = of
     begins = [*(move.begin_s for move in moves[1:]), end_s]
     for move, next_s in zip(moves, begins, strict=True) if moves else ():
         yield move, start, min(next_s, end_s)
         start = move.to_m
 
 
-def _of_moves(time: Array, x: Array, v: Array, error: Array, of: _Moves) -> Plain:
+def _of_moves(time: Array, x: Array, v: Array, error: Array, start: float, moves: list[ReferenceMove]) -> Plain:
     """Return settling times, error at rest, hunting and slips after the moves."""
     found: dict[str, list[float]] = {name: [] for name in ("rest_error_m", "hunting_m", "slips")}
     settling: dict[float, list[float]] = {band: [] for band in BANDS_M}
-    for move, _, until in _spans(of, float(time[-1])):
+    for move, _, until in _spans(start, moves, float(time[-1])):
         dwell = (time >= move.end_s) & (time <= until)
         if np.count_nonzero(dwell) < LEAST_DWELL:
             continue

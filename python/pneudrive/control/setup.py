@@ -231,15 +231,6 @@ class Setup(Described):
         said = f"{ends} of {1e-5 * supply_pa:.4g} bar abs: at higher pressures the sensors count as faulty"
         return [said] if top < supply_pa else []
 
-    def later_than(self, end_s: float) -> list[str]:
-        """Return warnings of entries that begin only after the end of a run."""
-        tables = {"disturbances": self.disturbances, "faults": self.faults}
-        return [
-            f"{name}: the entry at {min(late):g} s has no effect, because the run ends at {end_s:g} s"
-            for name, each in tables.items()
-            if (late := [one.at_s for one in each if one.at_s >= end_s])
-        ]
-
     def core(self, seed: int, ambient_pa: float) -> Plain:
         """Return the instrumentation in the core's form, in SI, with the seed of all noise and the ambient pressure."""
         a, b = self.sensors.pressure_a, self.sensors.pressure_b

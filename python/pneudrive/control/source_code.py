@@ -12,7 +12,7 @@ from pneudrive.control.setup import Setup, SetupOrFile, read_setup
 from pneudrive.errors import CommandError, nearest, package_table
 from pneudrive.files.content import rendered
 from pneudrive.files.writing import make_result_folder
-from pneudrive.fmu.variables import TIME, FmuCode, FmuPlan, FmuVariable
+from pneudrive.fmu.variables import TIME, FmuPlan, FmuVariable
 from pneudrive.simulation.simulate import require
 from pneudrive.simulation.trajectory import write_whole
 
@@ -165,7 +165,9 @@ def code_plan(
     return FmuPlan(
         title=f"{tuning.law} for {tuning.belief.name}",
         variables=(TIME, *given),
-        code=FmuCode(identifier, tuple(files), tuning.core()["period_s"]),
+        period_s=tuning.core()["period_s"],
+        code=tuple(files),
+        identifier=identifier,
     )
 
 
@@ -206,4 +208,5 @@ def law_plan(tuning: Tuning, reference: Reference, setup: Setup) -> FmuPlan:
         title=f"{tuning.law} for {tuning.belief.name}",
         variables=(TIME, *inputs, *outputs),
         law=law,
+        period_s=law["controller"]["period_s"],
     )

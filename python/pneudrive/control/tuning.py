@@ -14,7 +14,7 @@ from pydantic import Field, model_validator
 
 from pneudrive import _core, own_code, units
 from pneudrive.control import setup as instrumentation
-from pneudrive.control.axis import check_axis, check_valves, supply_of, unknown_numbers
+from pneudrive.control.axis import check_axis, refused, supply_of
 from pneudrive.control.own_law import OWN, OwnLaw, is_own, own_law
 from pneudrive.datasheet.equilibrium import full_speeds
 from pneudrive.describe.base import Described
@@ -270,21 +270,6 @@ class Plant(Shown):
         ]
 
 
-class LawModel(NamedTuple):
-    """Data of the drive that a custom law receives before a run.
-
-    Attributes
-    ----------
-    plant : Plant
-        Properties that matter for control: natural frequency, speed at full opening, lag, and so on.
-    drive : Circuit
-        Drive that the law assumes.
-    """
-
-    plant: Plant
-    drive: Circuit
-
-
 @dataclass(frozen=True, repr=False)
 class Tuning(Viewed):
     """A controller with all its gains, tuned for its model of the drive.
@@ -343,9 +328,9 @@ class Tuning(Viewed):
         return self.plant.stroke_m, self.speeds_m_s
 
     @property
-    def model(self) -> LawModel:
-        """Data of the drive that a custom law gets."""
-        return LawModel(self.plant, self.belief)
+    def drive(self) -> Circuit:
+        """Drive that the controller assumes, under the name by which a custom law reads it."""
+        return self.belief
 
     @property
     def numbers(self) -> tuple[TunedGain, ...]:
@@ -378,7 +363,7 @@ class Tuning(Viewed):
         controller, word = self.controller, self.law
         if self.own is not None:
             module, name = split(word) or ("", OWN)
-            word = f"{_seen_from(folder, module)}:{name}" if is_code_file(module) else word if module else name
+            word = f"{_seen_from(folder, module)}:{name}" if module.endswith(".py") else word if module else name
         lines = ["schema = 1", f'law = "{word}"', f'period = "{units.write(self.period_s, "s", "ms")}"']
         if self.source:
             lines.append(f"drive = {toml.value_text(_seen_from(folder, self.source))}")
@@ -454,11 +439,6 @@ def _is_name(source: str) -> bool:
     return source.startswith(PREFIX) or source in instrumentation.ready_setups()
 
 
-def is_code_file(module: str) -> bool:
-    """Return whether the module of a custom law is given as a file."""
-    return module.endswith(".py")
-
-
 DEFAULT_LAW = "nmpc"
 #: Key, unit, value, meaning and rule of a number, as the core lists it.
 _Ruled = tuple[str, str, float, str, str]
@@ -531,17 +511,16 @@ def tune(
     with toml.locating(path, text):
         if read is None:
             (read, _), setup = _named("setup", table.setup or "real", folder, instrumentation.read_setup)
+        source = ""
+        if table.drive is not None and believes is None:
+            from pneudrive.describe.files.load import load_described
+
+            believed, source = _named("drive", table.drive, folder, load_described)
+        require(believed, "core_json", "drive", 'pn.Drive.load("drive.toml")')
         word = table.law if own is None else OWN
-        tuning = _tuned(table, word, believed, folder, is_told=believes is not None)
-    tuning = replace(tuning, own=own, setup=setup)
+        tuning = _tuned(table, word, believed.circuit)  # type: ignore[union-attr]
+    tuning = replace(tuning, source=source, own=own, setup=setup)
     return replace(tuning, limits=limitations(tuning, read))
-
-
-def alone(tuning: Tuning, **others: object) -> Tuning:
-    """Return the tuning, and reject further arguments that it already contains."""
-    for name in (name for name, one in others.items() if one is not None):
-        raise CommandError.of("control.beside_tuning", name=name, law=tuning.law, drive=tuning.belief.name)
-    return tuning
 
 
 def _table(law: object, controller: ControllerOrFile | None) -> tuple[Controller, Path, str, str | None]:
@@ -574,19 +553,14 @@ def _table(law: object, controller: ControllerOrFile | None) -> tuple[Controller
 def _beside(law: str, folder: Path) -> str:
     """Return the path of custom code as seen from the folder of a controller file; keep other names unchanged."""
     module, name = split(law) or ("", "")
-    return f"{os.path.normpath(folder / module)}:{name}" if is_code_file(module) else law
+    return f"{os.path.normpath(folder / module)}:{name}" if module.endswith(".py") else law
 
 
-def _tuned(table: Controller, word: str, drive: Any, folder: Path, *, is_told: bool) -> Tuning:  # noqa: ANN401 - `require`
+def _tuned(table: Controller, word: str, belief: Circuit) -> Tuning:
     """Read the given gains of a controller, and derive the other gains from the law's model."""
-    source = ""
-    if table.drive is not None and not is_told:
-        from pneudrive.describe.files.load import load_described
-
-        drive, source = _named("drive", table.drive, folder, load_described)
-    require(drive, "core_json", "drive", 'pn.Drive.load("drive.toml")')
-    belief = drive.circuit
-    check_valves(belief)
+    for name, part in belief.core_parts.items():  # controllers model each valve by a single conductance
+        if part["kind"].startswith("valve/") and part.get("points"):
+            raise refused(belief, f"{name}.flow_table", "control.flow_table", valve=name)
 
     def asked(**numbers: Any) -> tuple[Plain, list[list[_Ruled]]]:  # noqa: ANN401 - see `Controller.core`
         return _core.control_tune(json.dumps(table.core(word, belief, **numbers)), 0.0)
@@ -597,8 +571,7 @@ def _tuned(table: Controller, word: str, drive: Any, folder: Path, *, is_told: b
         if str(error).startswith("period"):
             raise wrong("period", str(error)) from None
         raise DescriptionError(str(error), where=belief.source_file or belief.name) from None
-    check_axis(belief, plant)
-    plant["left_out"] += unknown_numbers(belief)
+    plant["left_out"] += check_axis(belief, plant)
     gains = _numbers_of("gains", table.law, table.gains, ruled[0], lambda given: asked(gains=given))
     if table.valves and not ruled[1]:
         raise invalid("valves", "control.table_of_valves")
@@ -608,7 +581,7 @@ def _tuned(table: Controller, word: str, drive: Any, folder: Path, *, is_told: b
             asked(factors=table.factors.changed)
     except ValueError as error:
         raise wrong(str(error).split(" ")[0], str(error)) from None
-    return Tuning(table, gains, Plant(**plant), belief, source, valves=valves)
+    return Tuning(table, gains, Plant(**plant), belief, valves=valves)
 
 
 def _numbers_of(

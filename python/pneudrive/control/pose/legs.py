@@ -425,9 +425,8 @@ class _Legs:
                 drawn = own.drawn(seed, i)
                 if i > 0:  # the supply is one for all legs
                     drawn = {key: value for key, value in drawn.items() if not key.startswith("supply")}
-                truth = mismatched(core_json, tuning.plant, setup, own, drawn)
-                core_json, setup = truth.core_json, truth.setup
-                start |= truth.start
+                core_json, volume, setup, _ = mismatched(core_json, tuning.plant, setup, own, drawn)
+                start |= volume
             motion, efforts = leg_reference(self.needs, i, self.path.text)
             form = motion.core() | ({"efforts": efforts} if self.is_full else {})
             own_setup = setup.core(seed, ambient_pa) | {"step_repeats": 1, "member": i}
