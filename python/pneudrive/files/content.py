@@ -12,7 +12,7 @@ import os
 import re
 import stat
 import zlib
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from difflib import get_close_matches
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO, cast
@@ -161,7 +161,7 @@ def parse_json(text: str, where: str, kind: ErrorKind) -> Any:  # noqa: ANN401 -
     """
     within("text_bytes", len(text), f"the text has {len(text):,} characters", kind, where)
     if text.count("[") + text.count("{") > bound("nesting"):
-        _check_tokens(_JSON_TOKENS.finditer(text), where, kind)
+        check_nesting(text, where, kind, _JSON_TOKENS)
     from pydantic_core import from_json
 
     with contextlib.suppress(ValueError):  # faster, but refuses the names of files that are not UTF-8
@@ -172,20 +172,17 @@ def parse_json(text: str, where: str, kind: ErrorKind) -> Any:  # noqa: ANN401 -
         raise kind(f"this is not JSON: {error}", where=where) from None
 
 
-def check_nesting(text: str, where: str, kind: ErrorKind) -> None:
-    """Check the nesting of brackets and dotted keys of a TOML text before the text is parsed.
+def check_nesting(text: str, where: str, kind: ErrorKind, tokens: re.Pattern[str] = _TOKENS) -> None:
+    """Check the nesting of brackets and dotted keys of a text, TOML by default, before the text is parsed.
+
+    The depth at each nesting character counts open brackets and parts of the key.
 
     Raises
     ------
     PneudriveError
     """
-    _check_tokens(_TOKENS.finditer(text), where, kind)
-
-
-def _check_tokens(tokens: Iterable[re.Match[str]], where: str, kind: ErrorKind) -> None:
-    """Check the depth at each nesting character. The depth counts open brackets and parts of the key."""
     most, brackets, parts = bound("nesting"), 0, 0
-    for token in tokens:
+    for token in tokens.finditer(text):
         sign = token[0]
         if sign == ".":
             parts += 1

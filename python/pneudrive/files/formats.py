@@ -12,7 +12,6 @@ import math
 import signal
 import sys
 import warnings
-from dataclasses import dataclass, field
 from functools import lru_cache
 from importlib import import_module
 from multiprocessing.connection import Connection
@@ -40,23 +39,9 @@ LONGEST_REASON = 200  # characters of what a library says
 CLASSIC_NETCDF = b"CDF"  # first bytes of netCDF 3
 
 
-@dataclass(frozen=True)
-class Opened:
-    """Columns of an open file.
-
-    Attributes
-    ----------
-    names : list of str
-    get : callable
-        ``get(names, dates)`` reads columns. Those in `dates` are returned as texts or NumPy's ``datetime64``, if
-        possible.
-    metadata : dict
-        Texts in the file's metadata.
-    """
-
-    names: list[str]
-    get: Callable[[list[str], frozenset[str]], Columns]
-    metadata: dict[str, str] = field(default_factory=dict)
+#: Open file: names of its columns; ``get(names, dates)``, which reads columns; and texts in the file's metadata.
+#: Columns in `dates` are returned as texts or NumPy's ``datetime64``, if possible.
+Opened = tuple[list[str], "Callable[[list[str], frozenset[str]], Columns]", dict[str, str]]
 
 
 def plain(column: NDArray[Any]) -> NDArray[Any]:
@@ -87,7 +72,7 @@ def open_netcdf(path: Path) -> Opened:
         return {name: values.to_numpy() for name, values in found.items()}
 
     metadata = {str(key): value for key, value in data.attrs.items() if isinstance(value, str)}
-    return Opened([str(name) for name in data.variables], get, metadata)
+    return [str(name) for name in data.variables], get, metadata
 
 
 def open_tdms(path: Path) -> Opened:
@@ -117,7 +102,7 @@ def open_tdms(path: Path) -> Opened:
 
     said = {name: str(channel.properties.get("unit_string", "")).strip() for name, channel in channels.items()}
     units = {UNIT_OF + name: unit for name, unit in said.items() if unit}
-    return Opened([*(["time"] if timed else []), *channels], get, units)
+    return [*(["time"] if timed else []), *channels], get, units
 
 
 def open_mf4(path: Path) -> Opened:
@@ -144,7 +129,7 @@ def open_mf4(path: Path) -> Opened:
         base, values = _on_one_clock(times, {name: np.asarray(signal.samples) for name, signal in signals.items()})
         return {**values, "time": base}
 
-    return Opened(["time", *sorted(places)], get)
+    return ["time", *sorted(places)], get, {}
 
 
 def open_mat(path: Path) -> Opened:
@@ -183,7 +168,7 @@ def open_mat(path: Path) -> Opened:
         content = pymatreader.read_mat(path)
     collect("", {key: value for key, value in content.items() if not key.startswith("__")})
     names = sorted(flat) if is_hdf5 else list(flat)  # the library reads a structure in HDF5 in any order
-    return Opened(names, lambda wanted, _: {name: flat[name] for name in wanted})
+    return names, lambda wanted, _: {name: flat[name] for name in wanted}, {}
 
 
 #: Format in the layout file -> its name in messages, and its opener.
@@ -290,10 +275,10 @@ def answer(request: dict[str, Any]) -> Any:  # noqa: ANN401 - of each request it
     form, path = request["form"], request["path"]
     try:
         about = Path(path).stat()
-        opened = _opened(form, path, (about.st_mtime_ns, about.st_size, about.st_ino))
+        names, get, metadata = _opened(form, path, (about.st_mtime_ns, about.st_size, about.st_ino))
         if request["wanted"] is None:
-            return opened.names, opened.metadata
-        found = opened.get(request["wanted"], request["dates"])
+            return names, metadata
+        found = get(request["wanted"], request["dates"])
         _opened.cache_clear()
         return {name: plain(np.asarray(values)) for name, values in found.items()}
     except PneudriveError as error:

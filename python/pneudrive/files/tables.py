@@ -75,7 +75,21 @@ class Table:
     def _scan(self) -> pl.LazyFrame:
         import polars as pl
 
-        return _without_lists(pl.scan_parquet(self.path))
+        table = pl.scan_parquet(self.path)
+        # Each column of short lists is split into columns ``name[0]``, ``name[1]``, ...
+        schema = table.collect_schema()
+        inner = {name: kind.inner for name, kind in schema.items() if isinstance(kind, pl.List | pl.Array)}
+        lists = [name for name, kind in inner.items() if pl.Series(dtype=kind).dtype.is_numeric()]
+        if not lists:
+            return table
+        short = table.with_columns(pl.col(name).cast(pl.List(inner[name])) for name in lists)
+        longest = pl.col(lists).list.len().max()
+        widths = short.head(1).select(longest).collect().row(0, named=True)
+        return short.with_columns(
+            pl.col(name).list.get(at, null_on_oob=True).alias(f"{name}[{at}]")
+            for name in lists
+            for at in range(min(widths[name] or 0, MOST_PLACES))
+        ).drop(lists)
 
     @cached_property
     def names(self) -> list[str]:
@@ -184,25 +198,6 @@ def open_table(path: Path, form: str, kind: ErrorKind = RecordingError) -> Table
         The file does not exist, is damaged, too large or not of this format, or its library is not installed.
     """
     return Table(path, kind) if form == "parquet" else LibraryTable(path, form, kind)
-
-
-def _without_lists(table: pl.LazyFrame) -> pl.LazyFrame:
-    """Return a table with each column of short lists split into columns ``name[0]``, ``name[1]``, ..."""
-    import polars as pl
-
-    schema = table.collect_schema()
-    inner = {name: kind.inner for name, kind in schema.items() if isinstance(kind, pl.List | pl.Array)}
-    lists = [name for name, kind in inner.items() if pl.Series(dtype=kind).dtype.is_numeric()]
-    if not lists:
-        return table
-    short = table.with_columns(pl.col(name).cast(pl.List(inner[name])) for name in lists)
-    longest = pl.col(lists).list.len().max()
-    widths = short.head(1).select(longest).collect().row(0, named=True)
-    return short.with_columns(
-        pl.col(name).list.get(at, null_on_oob=True).alias(f"{name}[{at}]")
-        for name in lists
-        for at in range(min(widths[name] or 0, MOST_PLACES))
-    ).drop(lists)
 
 
 def read_alike(paths: Sequence[Path], wanted: Sequence[str]) -> list[Columns] | None:
