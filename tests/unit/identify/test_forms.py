@@ -16,7 +16,6 @@ from pneudrive.estimate.autocorrelation import HUBER, LINEAR
 from pneudrive.friction.friction_map import AMBIENT, COLUMNS
 from pneudrive.identify import FrictionFit, fit_friction
 from pneudrive.identify.design import select_friction_law
-from pneudrive.identify.static.model import FrictionModel, Observations
 
 SPEED = np.geomspace(1e-3, 0.45, 20)
 GRID = [(a, b) for a in (0.0, 2e5, 4e5, 6e5) for b in (0.0, 2e5, 4e5, 6e5)]
@@ -33,20 +32,6 @@ def at_pressures(make_map, law, noise=0.1, seed=1, grid=GRID, speeds=6):
         friction[i] = _core.steady_friction("stribeck", values, np.array([v]))[0]
     friction += noise * np.random.default_rng(seed).standard_normal(speed.size)
     return make_map(speed, friction, noise, gauge_a=a, gauge_b=b)
-
-
-def test_lorentzian_curve_is_the_cores_and_its_jacobian_the_derivative(truth):
-    del truth["stribeck_exponent"]
-    one = np.ones(SPEED.size)
-    data = Observations(SPEED, one, one, 0.0 * one, 0.0 * one, 0.0 * one, np.zeros(SPEED.size, np.int64))
-    model = FrictionModel("stribeck", lorentzian=True)
-    q = model.internal(np.array([truth[n] for n in model.names]))
-    core = _core.steady_friction("stribeck", truth, SPEED, dependences={"stribeck_shape": "lorentzian"})
-    value, jac = model.value_and_jacobian(q, data)
-    np.testing.assert_allclose(value, core, rtol=1e-12)
-    step = 1e-6 * np.eye(q.size)
-    slopes = [(model.value(q + h, data) - model.value(q - h, data)) / 2e-6 for h in step]
-    np.testing.assert_allclose(jac, np.column_stack(slopes), rtol=1e-6, atol=1e-6)
 
 
 @pytest.mark.parametrize("shape", ["gaussian", "exponential", "lorentzian"])

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -74,6 +76,8 @@ def test_a_known_run_is_predicted_better_than_a_new_one():
     known = found.predict("seal 0", speed_m_s=0.01, gauge_b_pa=4e5, run="1")
     new = found.predict("seal 0", speed_m_s=0.01, gauge_b_pa=4e5)
     assert known.upper_n - known.lower_n < 0.8 * (new.upper_n - new.lower_n)
+    with pytest.raises(FitError, match=r"(?s)seal 0 has no run '3'.*Known: 1, 2\.$"):
+        found.predict("seal 0", speed_m_s=0.01, run="3")
 
 
 def test_without_a_repeat_the_difference_of_runs_is_called_assumed():
@@ -113,6 +117,7 @@ MODELS = [
     FrictionModel("coulomb", chambers=("a", "b")),
     FrictionModel("stribeck"),
     FrictionModel("stribeck", exponent=1.0),
+    FrictionModel("stribeck", lorentzian=True),
     FrictionModel("stribeck", exponent=None),
     FrictionModel("stribeck", exponent=None, chambers=("a", "b")),
     FrictionModel("stribeck", chambers=("b",)),
@@ -187,7 +192,11 @@ def test_values_are_the_cores_at_any_force_and_pressure(coulomb, excess, velocit
         np.testing.assert_allclose(value[i], expected[0], rtol=1e-12)
 
 
-def test_coulomb_values_are_the_cores():
+def test_coulomb_and_lorentzian_values_are_the_cores():
+    model, forces = FrictionModel("stribeck", lorentzian=True), {name: NATURAL[name] for name in MODELS[3].names}
+    value = model.value(model.internal(np.array([NATURAL[name] for name in model.names])), DATA)
+    expected = _core.steady_friction("stribeck", forces, SPEED, dependences={"stribeck_shape": "lorentzian"})
+    np.testing.assert_allclose(value, expected, rtol=1e-12)
     model = FrictionModel("coulomb")
     expected = _core.steady_friction("coulomb", {"coulomb": 7.0, "viscous": 30.0}, SPEED, 0.0, 0.0)
     np.testing.assert_allclose(model.value(np.array([7.0, 30.0]), DATA), expected, rtol=1e-13)
@@ -198,6 +207,12 @@ def test_coulomb_values_are_the_cores():
 
 def lost(fit):
     return {s.parameter: s for s in fit.undetermined}
+
+
+def remedied(one, reason, remedy):
+    """Return the numbers that patterns find in the reason and the remedy of a statement."""
+    pairs = ((reason, one.reason), (remedy, one.remedy))
+    return [float(number) for pattern, text in pairs for number in re.search(pattern, text.replace("\n", " ")).groups()]
 
 
 def test_two_speeds_cannot_give_a_stribeck_velocity(noisy_fit):
@@ -227,9 +242,15 @@ def test_one_value_is_enough_for_one_number(make_map):
 def test_breakaway_and_stribeck_velocity_are_not_separable_from_the_tail(noisy_fit):
     fit = noisy_fit(np.geomspace(0.026, 0.45, 20), 0.002, 3)  # slowest level above 2 vs = 24 mm/s
     assert {"breakaway", "stribeck_velocity"} <= set(lost(fit))
-    assert "is above 2 vs" in lost(fit)["breakaway"].reason
-    assert "add speeds at and below" in lost(fit)["breakaway"].remedy
+    times, vs, level = remedied(lost(fit)["breakaway"], r"above (\S+) vs \(vs is near (\S+) mm/s", r"below (\S+) mm/s")
+    assert (times, level) == (2.0, vs)
     assert {"coulomb", "viscous"} <= set(fit.determined)
+
+
+def test_where_only_the_limit_at_zero_is_open_speeds_below_half_the_stribeck_velocity_are_needed(noisy_fit):
+    fit = noisy_fit(np.geomspace(8e-3, 0.45, 12), 0.3, 3)
+    slowest, level = remedied(lost(fit)["breakaway"], r"speed, (\S+) mm/s, is too high", r"below (\S+) mm/s")
+    assert (slowest, level) == (8.0, pytest.approx(500.0 * fit.values["stribeck_velocity"], rel=0.01))
 
 
 def test_no_falling_part_means_no_stribeck_velocity(noisy_fit):
@@ -270,7 +291,8 @@ def test_an_excess_at_zero_is_not_known_as_well_as_the_coulomb_force(make_map):
 
 def test_plateau_that_is_not_reached(noisy_fit):
     fit = noisy_fit(np.geomspace(1e-3, 0.02, 20), 0.05, 5)
-    assert "the plateau above the Stribeck part is not reached" in lost(fit)["coulomb"].reason
+    plateau, vs, level = remedied(lost(fit)["coulomb"], r"below (\S+) vs \(vs is near (\S+) mm/s", r"above (\S+) mm/s")
+    assert (level, vs) == (pytest.approx(plateau * vs, rel=0.02), pytest.approx(12.0, rel=0.5))
     assert "viscous" not in fit.determined
 
 
@@ -317,7 +339,8 @@ def test_speed_and_pressure_that_change_together_are_named(make_map, friction_of
 
 def test_friction_that_falls_between_two_speeds_is_no_viscous_part(make_map, friction_of):
     fit = fit_friction(make_map([0.005, 0.015], friction_of([0.005, 0.015]), 0.01))
-    assert "unlike a viscous part" in lost(fit)["viscous"].reason
+    assert "between 5 mm/s and 15 mm/s, unlike a viscous part" in lost(fit)["viscous"].reason
+    assert "below 5 mm/s and above 45 mm/s" in lost(fit)["viscous"].remedy
     assert fit.determined == ("coulomb",)
     low, high = fit.intervals["coulomb"]
     assert low < min(friction_of([0.005, 0.015]))
