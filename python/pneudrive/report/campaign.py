@@ -100,11 +100,11 @@ def shown_figures(sections: Iterable[Section]) -> tuple[ShownFigure, ...]:
 
 def findings_of(statements: Iterable[Statement]) -> tuple[Finding, ...]:
     """Return statements as findings: ``bad`` for doubts about the data, ``open`` for undetermined values."""
-
-    def state(statement: Statement) -> State:
-        return "good" if statement.carried else "bad" if statement.topic == "data" else "open"
-
-    return tuple(Finding(s.text, state(s), f"Remedy: {s.remedy}" if s.remedy else "") for s in statements)
+    findings = []
+    for s in statements:
+        state: State = "good" if s.carried else "bad" if s.topic == "data" else "open"
+        findings.append(Finding(s.text, state, f"Remedy: {s.remedy}" if s.remedy else ""))
+    return tuple(findings)
 
 
 def _values(found: CampaignCharacteristics) -> Iterator[ShownValue]:

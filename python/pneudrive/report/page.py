@@ -24,7 +24,7 @@ from pneudrive.files.writing import make_subfolder
 from pneudrive.friction.friction_map import Condition, group_of
 from pneudrive.numbers import with_interval
 from pneudrive.references import entries
-from pneudrive.report.render import PNG_DPI, DrawnFigure, applied, finish, lay_out, load_matplotlib, render
+from pneudrive.report.render import PNG_DPI, DrawnFigure, applied, drawn, load_matplotlib
 from pneudrive.simulation.trajectory import meaning, whole, write_whole
 from pneudrive.units import readable
 from pneudrive.views import Finding, ShownFigure, ShownTable, View
@@ -61,14 +61,6 @@ class Paragraph:
 
     text: str | Sequence[str]
     kind: str = "plain"
-
-
-def drawn(shown: ShownFigure, synthetic: bool) -> DrawnFigure:
-    """Draw a figure, within `applied`, with panel letters, mark of synthetic data and fixed panel positions."""
-    figure = render(shown.figure)
-    finish(figure, synthetic=synthetic)
-    lay_out(figure)
-    return figure
 
 
 Block: TypeAlias = Paragraph | ShownTable | ShownFigure
@@ -110,7 +102,7 @@ def view_report(view: View, *sections: Section | None, synthetic: bool = False) 
 @applied()
 def figure_svg(shown: ShownFigure) -> str:
     """Return a figure as an SVG element, for a notebook."""
-    return inline(svg_text(drawn(shown, synthetic=False)), shown.name, shown.caption)
+    return inline(svg_text(drawn(shown.figure, synthetic=False)), shown.name, shown.caption)
 
 
 @dataclass
@@ -152,7 +144,7 @@ class Report:
         """Draw the figures of all sections, and write them as PNG and SVG if a folder is given."""
         for part in self.sections:
             for block in (block for block in part.blocks if isinstance(block, ShownFigure)):
-                figure = drawn(block, bool(part.synthetic))
+                figure = drawn(block.figure, synthetic=bool(part.synthetic))
                 self.pictures[block.name] = svg_text(figure)
                 if folder is not None:
                     write_whole(folder / f"{block.name}.svg", self.pictures[block.name])
@@ -509,6 +501,7 @@ def write_fit_report(fit: Fit, folder: str | Path) -> Path:
 # --- Provenance: software and sources.
 
 PACKAGES = ("numpy", "scipy", "xarray", "polars", "matplotlib")
+_ACCENTS = {'"': "\u0308", "'": "\u0301"}  # of TeX -> combining signs
 
 
 def software() -> list[tuple[str, str]]:
@@ -522,18 +515,13 @@ def references(keys: Iterable[str]) -> tuple[str, ...]:
     lines = []
     for key in (key for key in keys if key in entries()):
         found = re.findall(r"(\w+)\s*=\s*[{\"](.*?)[}\"],?\s*(?:\n|$)", entries()[key])
-        fields = {name.lower(): _from_tex(value) for name, value in found}
+        fields = {}
+        for name, value in found:  # texts of TeX
+            text = re.sub(r"""\\(["'])\{?(\w)\}?""", lambda sign: normalize("NFC", sign[2] + _ACCENTS[sign[1]]), value)
+            text = re.sub(r"[{}]", "", text.replace("\\AA", "Å").replace("\\l", "ł"))
+            fields[name.lower()] = text.replace("--", "–").replace("\\&", "&").replace("~", " ").strip()
         where = fields.get("journal") or fields.get("publisher") or fields.get("institution") or fields.get("school")
         number = fields.get("number") if "institution" in fields else None
         parts = (fields.get("author"), fields.get("title"), where, number, fields.get("year"), fields.get("note"))
         lines.append(f"[{key}] " + ". ".join(p.rstrip(".") for p in parts if p) + ".")
     return tuple(lines)
-
-
-_ACCENTS = {'"': "\u0308", "'": "\u0301"}  # of TeX -> combining signs
-
-
-def _from_tex(text: str) -> str:
-    text = re.sub(r"""\\(["'])\{?(\w)\}?""", lambda found: normalize("NFC", found[2] + _ACCENTS[found[1]]), text)
-    text = text.replace("\\AA", "Å").replace("\\l", "ł")
-    return re.sub(r"[{}]", "", text).replace("--", "–").replace("\\&", "&").replace("~", " ").strip()

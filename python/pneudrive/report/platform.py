@@ -7,7 +7,7 @@ from contextlib import suppress
 from dataclasses import replace
 from subprocess import DEVNULL, PIPE, Popen
 from tempfile import TemporaryFile
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -20,7 +20,7 @@ from pneudrive.simulation.trajectory import check_target, columns_in, read_colum
 from pneudrive.views import ShownFigure, ShownValue, State, View, worst
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
     from pathlib import Path
 
     from numpy.typing import ArrayLike
@@ -35,6 +35,8 @@ if TYPE_CHECKING:
 VIEW = np.array([[0.866, 0.866, 0.0], [0.35, -0.35, -0.937]])
 #: Width of a picture, its margin and the size of labels, px.
 WIDTH, MARGIN, FONT = 360.0, 30.0, 11.0
+#: Pixels per inch of paper.
+PX_IN = 100.0
 #: Distances of a label from its joint, tried in turn, px, and number of angles for each distance.
 DISTANCES = (13.0, 19.0, 25.0)
 ANGLES = np.radians([0.0, 30.0, -30.0, 60.0, -60.0, 90.0, -90.0, 130.0, -130.0])
@@ -47,27 +49,6 @@ PISTON = 0.08
 #: Look of each part, as a stroke without points.
 _LINES = package_table(__file__, "sketches.toml")["lines"]
 LOOKS = {name: PenStroke((), cap="butt", **table) for name, table in _LINES.items()}
-
-
-class PlatformScene(NamedTuple):
-    """A platform at several poses, in px, with y downwards.
-
-    Attributes
-    ----------
-    size : tuple of float
-        Width and height.
-    lines : list of tuple
-        Part (a key of `LOOKS`) and points of each line, with the shape (m, k, 2). Lines at rest have m = 1.
-    labels : list of tuple
-        Text and centre (x, y) of each label.
-    path : ndarray, shape (m, 2)
-        Origin of the platform.
-    """
-
-    size: Pair
-    lines: list[tuple[str, Array]]
-    labels: list[tuple[str, Array]]
-    path: Array
 
 
 def platform_lines(platform: Platform, poses: ArrayLike) -> Iterator[tuple[str, int, Array]]:
@@ -111,13 +92,17 @@ def platform_lines(platform: Platform, poses: ArrayLike) -> Iterator[tuple[str, 
     yield "path", 0, origin[:, None]
 
 
-def platform_scene(platform: Platform, poses: ArrayLike) -> PlatformScene:
-    """Return the drawing of a platform at poses, all in one scale.
+def platform_scene(platform: Platform, poses: ArrayLike, size: float = 1.0) -> tuple[Pair, list[PenStroke]]:
+    """Return width and height of the drawing of a platform, in px, and its strokes at all poses, with y downwards.
+
+    The points of a stroke have the shape (m, k, 2), or (1, k, 2) for parts at rest, labels, and the path of the origin.
 
     Parameters
     ----------
     platform : Platform
     poses : array, shape (m, n)
+    size : float
+        Size on paper relative to `PX_IN`, for the widths of strokes and the size of labels.
     """
     lines = [(part, points @ VIEW.T) for part, _, points in platform_lines(platform, poses)]
     everything = np.concatenate([points.reshape(-1, 2) for _, points in lines])
@@ -125,7 +110,12 @@ def platform_scene(platform: Platform, poses: ArrayLike) -> PlatformScene:
     across, up = high - low
     scale = (WIDTH - 2.0 * MARGIN) / max(across, 0.8 * up, 1e-9)
     width, height = (high - low) * scale + 2.0 * MARGIN
-    *lines, (_, path) = [(what, (points - low) * scale + MARGIN) for what, points in lines]
+    *lines, (_, path) = [(part, (points - low) * scale + MARGIN) for part, points in lines]
+    strokes = []
+    for part, points in [*lines, ("path", path.reshape(1, -1, 2))]:
+        own = LOOKS[part]
+        dash = [length / own.width for length in own.dash]
+        strokes.append(replace(own, points=points, width=72.0 / PX_IN * own.width * size, dash=dash))
     # Labels are on the outer side of their joints, where they do not overlap.
     centres: list[Array] = []
     for joint in lines[0][1][0, :-1]:
@@ -135,14 +125,14 @@ def platform_scene(platform: Platform, poses: ArrayLike) -> PlatformScene:
         tried = [joint + distance * direction for distance in DISTANCES for direction in turned]
         free = (at for at in tried if all(np.max(np.abs(at - other) / [0.8, 1.1]) > FONT for other in centres))
         centres.append(next(free, tried[0]))
-    labels = [(str(i), centre) for i, centre in enumerate(centres, start=1)]
-    return PlatformScene((float(width), float(height)), lines, labels, path[:, 0])
+    text_pt = 72.0 / PX_IN * FONT * max(size, 0.6)
+    strokes += [PenStroke(centre[None, None], str(i), size=text_pt) for i, centre in enumerate(centres, start=1)]
+    return (float(width), float(height)), strokes
 
 
 # --- A platform on legs as a picture, as an animation of a run, and as a page of a run with its curves.
 
-#: Pixels per inch of a scene.
-PX_IN = 100.0
+
 #: Colours of a GIF: two inks, and their mixtures with the paper.
 COLOURS = 64
 #: Frames per second. Delays of a GIF are multiples of 10 ms.
@@ -184,9 +174,10 @@ def draw_platform(
     >>> tripod = pn.platform(pn.Circuit.load("examples/tripod.toml"))
     >>> figure = pn.report.draw_platform(tripod)
     """
-    scene = platform_scene(platform, np.atleast_2d(platform.home if poses is None else platform.pose(poses)))
-    text = (0.02 * scene.size[0], 0.02 * scene.size[1] + FONT, "simulated")
-    return draw_figure(_paper(scene, -1, *([text] if len(scene.path) > 1 else [])), path, dark=dark)
+    shown = np.atleast_2d(platform.home if poses is None else platform.pose(poses))
+    (width, height), strokes = platform_scene(platform, shown)
+    texts = [(0.02 * width, 0.02 * height + FONT, "simulated")] if len(shown) > 1 else []
+    return draw_figure(_paper((width, height), strokes, -1, *texts), path, dark=dark)
 
 
 def animate_platform(
@@ -228,7 +219,7 @@ def animate_platform(
     scene = platform_scene(platform, np.asarray(poses, dtype=float)[rows])
     from PIL.Image import Dither
 
-    pictures = (_paper(scene, k, (6.0, 16.0, f"{t:.3f} s, simulated")) for k, t in enumerate(moments))
+    pictures = (_paper(*scene, k, (6.0, 16.0, f"{t:.3f} s, simulated")) for k, t in enumerate(moments))
     with applied(dark=dark), whole(target) as temporary:
         frames = film(pictures)
         if program is not None and suffix == ".mp4":
@@ -257,32 +248,21 @@ def _write_film(program: str, frames: Iterator[Image.Image], target: Path) -> No
             raise CommandError(f"ffmpeg did not write the film: {why[-1] if why else 'it stopped'}")
 
 
-def scene_drawing(
-    scene: PlatformScene,
-    row: int = -1,
-    *texts: tuple[float, float, str],
-    scale: float = 1.0,
-) -> Drawing:
-    """Return the drawing of a scene at one pose, with the path over all poses, and its texts with positions in px.
+def scene_drawing(size: Pair, strokes: Sequence[PenStroke], row: int = -1) -> Drawing:
+    """Return the drawing of a scene at one pose, with the path over all poses."""
+    posed = [replace(stroke, points=stroke.points[row if len(stroke.points) > 1 else 0]) for stroke in strokes]
+    return Drawing(posed, (0.0, size[0]), (size[1], 0.0), equal=True)
 
-    `scale` is the size of the drawing relative to that of the scene.
+
+def _paper(size: Pair, strokes: Sequence[PenStroke], row: int, *texts: tuple[float, float, str]) -> Figure:
+    """Return a figure with the size of a scene, rounded because films need an even number of pixels.
+
+    `texts` have positions in px.
     """
-    strokes = []
-    for what, points in [*scene.lines, ("path", scene.path[None])]:
-        own, corners = LOOKS[what], points[row if len(points) > 1 else 0]
-        dash = [part / own.width for part in own.dash]
-        width = 72.0 / PX_IN * own.width * scale
-        strokes.append(replace(own, points=corners, width=width, dash=dash))
-    size = 72.0 / PX_IN * FONT
-    strokes += [PenStroke([at], text, size=size * max(scale, 0.6)) for text, at in scene.labels]
-    strokes += [PenStroke([(x, y)], text, size=size, align="left baseline") for x, y, text in texts]
-    return Drawing(strokes, (0.0, scene.size[0]), (scene.size[1], 0.0), equal=True)
-
-
-def _paper(scene: PlatformScene, row: int, *texts: tuple[float, float, str]) -> Figure:
-    """Return a figure with the size of a scene, rounded because films need an even number of pixels."""
-    width, height = (4.0 * round(0.25 * size) / PX_IN for size in scene.size)
-    drawing = scene_drawing(scene, row, *texts)
+    width, height = (4.0 * round(0.25 * side) / PX_IN for side in size)
+    text_pt = 72.0 / PX_IN * FONT
+    notes = [PenStroke(np.array([[(x, y)]]), text, size=text_pt, align="left baseline") for x, y, text in texts]
+    drawing = scene_drawing(size, [*strokes, *notes], row)
     return Figure([Panel([drawing])], row_in=height, rest_in=0.0, width_in=width, has_margins=False)
 
 
@@ -354,8 +334,8 @@ def platform_view(platform: Platform) -> View:
         least = platform.singular_values(poses)[:, -1].min()
         table.append((key, *ends, least, abs(platform.load(poses)).max()))
     values = ", ".join(f"{value:.4g}" for value in platform.singular_values(home))
-    scene = platform_scene(platform, np.atleast_2d(home))
-    picture = ShownFigure(platform.name, f"{platform.name}, every leg at half of its stroke.", _paper(scene, -1))
+    drawing = _paper(*platform_scene(platform, np.atleast_2d(home)), -1)
+    picture = ShownFigure(platform.name, f"{platform.name}, every leg at half of its stroke.", drawing)
     return View(
         f"{platform.name}: {platform.text(home)}, with every leg at half of its stroke",
         rows,
@@ -454,7 +434,7 @@ def run_figure(platform: Platform, columns: Columns) -> Figure:
         how = "" if legs.issuperset(each) or len(each) < 2 else "inside"
         panels.append(Panel(lines, label, y=Axis(label, is_named=False), legend=how))
     drawn = np.unique(np.linspace(0, len(pose) - 1, MOST_POSES).round().astype(int))
-    scene = platform_scene(platform, pose[drawn])
+    drawing = scene_drawing(*platform_scene(platform, pose[drawn], size=0.6))
     keys = [Line([], [], label, line.look) for label, line in of_legs.items()]
-    drawing = Panel([scene_drawing(scene, scale=0.6), *keys], legend="under")
+    drawing = Panel([drawing, *keys], legend="under")
     return figure_of("platform", panels, tall=drawing)

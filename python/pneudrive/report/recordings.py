@@ -212,27 +212,23 @@ def map_view(table: xr.Dataset, fits: Fits | None = None) -> View:
     if fits is not None:
         about, tables = _fitted(fits)
         findings += about or [Finding(topic.say("no_law"), "open")] * (not tables)
-    return View(
-        f"{table.sizes['row']} points of friction",
-        curves=curves,
-        state=worst(findings),
-        leading=tuple(_ends(table)),
-        findings=findings,
-        tables=tables,
-        figures=(topic.figure("friction-speed", speed_figure(groups, fits or {}), law=law, labels=labels),),
-    )
-
-
-def _ends(table: xr.Dataset) -> Iterator[ShownValue]:
-    """Yield the lowest and the highest friction with U (k = 2)."""
+    leading = []  # the lowest and the highest friction with U (k = 2)
     order = np.argsort(table["friction_n"].to_numpy(), kind="stable")
     for word, row in (("lowest", order[0]), ("highest", order[-1])):
         point = table.isel(row=row)
         friction, stderr, systematic = (float(point[f"{name}_n"]) for name in ("friction", "stderr", "u_systematic"))
         reach = 2.0 * float(np.hypot(np.nan_to_num(stderr), systematic))
-        where = f"{point.recording.item()}, {1e3 * abs(float(point.velocity_m_s)):.3g} mm/s"
-        name = f"{word} friction ({where})"
-        yield ShownValue(word, word, name, friction, "N", (friction - reach, friction + reach))
+        name = f"{word} friction ({point.recording.item()}, {1e3 * abs(float(point.velocity_m_s)):.3g} mm/s)"
+        leading.append(ShownValue(word, word, name, friction, "N", (friction - reach, friction + reach)))
+    return View(
+        f"{table.sizes['row']} points of friction",
+        curves=curves,
+        state=worst(findings),
+        leading=tuple(leading),
+        findings=findings,
+        tables=tables,
+        figures=(topic.figure("friction-speed", speed_figure(groups, fits or {}), law=law, labels=labels),),
+    )
 
 
 def richest(by_law: Mapping[str, FrictionFit]) -> FrictionFit:

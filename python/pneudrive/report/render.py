@@ -18,7 +18,7 @@ import numpy as np
 
 from pneudrive import figures
 from pneudrive.errors import package_table
-from pneudrive.figures import WIDTH_IN, Axis, Band, Bars, Drawing, Line, Markers, Panel, PenStroke, Rule
+from pneudrive.figures import WIDTH_IN, Axis, Band, Bars, Drawing, Line, Markers, Panel, Rule
 from pneudrive.simulation.trajectory import check_target, whole
 
 if TYPE_CHECKING:
@@ -144,18 +144,21 @@ def finish(figure: Figure, *, synthetic: bool) -> None:
         figure.text(0.995, 1.0 - 0.2 * share, "synthetic: simulated data", **place)
 
 
-def lay_out(figure: Figure) -> None:
-    """Fix the positions of the panels.
+def drawn(figure: figures.Figure, *, synthetic: bool) -> Figure:
+    """Draw a figure, within `applied`, with panel letters, mark of synthetic data and fixed panel positions.
 
-    With a layout engine, matplotlib would draw a figure twice for each file.
+    With a layout engine, matplotlib would draw the figure twice for each file.
     """
-    layout, dpi = figure.get_layout_engine(), figure.dpi
+    made = render(figure)
+    finish(made, synthetic=synthetic)
+    layout, dpi = made.get_layout_engine(), made.dpi
     if layout is not None:
-        figure.dpi = PNG_DPI
-        no_formulas(figure)
-        layout.execute(figure)
-        figure.dpi = dpi
-    figure.set_layout_engine(None)
+        made.dpi = PNG_DPI
+        no_formulas(made)
+        layout.execute(made)
+        made.dpi = dpi
+    made.set_layout_engine(None)
+    return made
 
 
 def logarithmic(axis: Axes, side: str = "x") -> None:
@@ -432,36 +435,32 @@ def _bars(mark: Bars, axis: Axes, x: Axis, y: Axis) -> Handle:
 
 
 def _drawing(mark: Drawing, axis: Axes, x: Axis, y: Axis) -> Handle:
+    """Draw arrows, texts, and lines with their filled areas."""
     axis.set_axis_off()
     axis.grid(visible=False)
     for stroke in mark.strokes:
-        _stroke(axis, stroke)
-    axis.set(xlim=mark.x, ylim=mark.y)
-    if mark.equal:
-        axis.set_aspect("equal", anchor="N")
-
-
-def _stroke(axis: Axes, stroke: PenStroke) -> None:
-    """Draw an arrow, a text, or a line with its filled area."""
-    color, points = ink(stroke.color), np.asarray(stroke.points, dtype=float)
-    if stroke.head:
-        look = {"arrowstyle": stroke.head, "lw": stroke.width, "color": color}
-        begin, end = points
-        axis.annotate(stroke.text, end, begin, arrowprops=look, va="center")
-    elif stroke.text:
-        across, _, up = stroke.align.partition(" ")
-        place: Plain = {"ha": across, "va": up or "center", "fontweight": "bold" if stroke.bold else "normal"}
-        x, y = points.reshape(-1, 2)[0]
-        axis.text(x, y, stroke.text, fontsize=stroke.size, color=color, **place)
-    else:
+        color, points = ink(stroke.color), np.asarray(stroke.points, dtype=float)
+        if stroke.head:
+            arrow = {"arrowstyle": stroke.head, "lw": stroke.width, "color": color}
+            begin, end = points
+            axis.annotate(stroke.text, end, begin, arrowprops=arrow, va="center")
+            continue
+        if stroke.text:
+            across, _, up = stroke.align.partition(" ")
+            place: Plain = {"ha": across, "va": up or "center", "fontweight": "bold" if stroke.bold else "normal"}
+            axis.text(*points.reshape(-1, 2)[0], stroke.text, fontsize=stroke.size, color=color, **place)
+            continue
         if stroke.fill:
             face = {"facecolor": ink(stroke.fill), "alpha": stroke.tint}
             axis.fill(*points.T, edgecolor=color, lw=0.0 if stroke.tint < 1.0 else stroke.width, **face)
-        if stroke.fill and stroke.tint == 1.0:  # the outline is hidden by what is drawn later, as the area is
-            return
-        line: Any = (0.0, list(stroke.dash)) if stroke.dash else "-"
-        cap: Any = stroke.cap
-        axis.plot(*points.T, color=color, lw=stroke.width, ls=line, alpha=stroke.opacity, solid_capstyle=cap)
+        # The outline of an area is hidden by what is drawn later, as the area is.
+        if not stroke.fill or stroke.tint != 1.0:
+            line: Any = (0.0, list(stroke.dash)) if stroke.dash else "-"
+            cap: Any = stroke.cap
+            axis.plot(*points.T, color=color, lw=stroke.width, ls=line, alpha=stroke.opacity, solid_capstyle=cap)
+    axis.set(xlim=mark.x, ylim=mark.y)
+    if mark.equal:
+        axis.set_aspect("equal", anchor="N")
 
 
 #: Kind of mark -> function that draws the mark and returns its legend handle.

@@ -146,32 +146,31 @@ def plot_sizing(result: SizingResult, path: str | Path | None = None) -> DrawnFi
 
 def candidate_figure(result: SizingResult) -> Figure:
     """Draw a panel for each stroke."""
-    task, panels = result.task, []
-    for way, limit in (("out", task.outward_s), ("back", task.back_s)):
-        longest = Rule(y=limit * (1.0 - task.margin), label="longest time", look=Look("black", "--"), width=1.1)
-        panels.append(Panel([*_points(result, way), longest], f"stroke {way}", y=f"time {way}, worst 1 % / s"))
-    return figure_of("candidates", panels)
-
-
-def _points(result: SizingResult, way: str) -> Iterator[Markers | Line]:
-    best = result.best
-    if best is not None:
-        air, time, own = best.air_litres_anr, getattr(best, f"time_{way}"), Look("orange")
-        yield Markers([air], [time], "best", own, size=9.0)
-        if best.intervals:  # the range of 98 % of the samples
-            yield Line([ANR_LITRES_PER_KG * end for end in best.intervals["air"]], [time, time], look=own, width=1.2)
-            yield Line([air, air], [best.intervals[f"time_{way}"][0], time], look=own, width=1.2)
+    task, best, panels = result.task, result.best, []
     names = {drive.name for drive in result.ranked}
     rest = [drive for drive in result.simulated if drive.name not in names]
-    for chosen, own, label in (
+    groups = (
         ([drive for drive in rest if not drive.is_feasible], Look("grey", "-", "x"), "misses a limit"),
         ([drive for drive in rest if drive.is_feasible], THIN, "not simulated to the end"),
         (result.ranked, Look("blue"), "meets the task"),
-    ):
-        shown = [(drive.air_litres_anr, t) for drive in chosen if (t := getattr(drive, f"time_{way}")) < math.inf]
-        if shown:
-            air, times = zip(*shown, strict=True)
-            yield Markers(air, times, label, own, filled=True)
+    )
+    for way, limit in (("out", task.outward_s), ("back", task.back_s)):
+        marks: list[Markers | Line | Rule] = []
+        if best is not None:
+            air, time, own = best.air_litres_anr, getattr(best, f"time_{way}"), Look("orange")
+            marks.append(Markers([air], [time], "best", own, size=9.0))
+            if best.intervals:  # the range of 98 % of the samples
+                across = [ANR_LITRES_PER_KG * end for end in best.intervals["air"]]
+                marks.append(Line(across, [time, time], look=own, width=1.2))
+                marks.append(Line([air, air], [best.intervals[f"time_{way}"][0], time], look=own, width=1.2))
+        for chosen, own, label in groups:
+            shown = [(drive.air_litres_anr, t) for drive in chosen if (t := getattr(drive, f"time_{way}")) < math.inf]
+            if shown:
+                air, times = zip(*shown, strict=True)
+                marks.append(Markers(air, times, label, own, filled=True))
+        marks.append(Rule(y=limit * (1.0 - task.margin), label="longest time", look=Look("black", "--"), width=1.1))
+        panels.append(Panel(marks, f"stroke {way}", y=f"time {way}, worst 1 % / s"))
+    return figure_of("candidates", panels)
 
 
 def write_sizing_report(found: SizingResult, folder: str | Path) -> Path:

@@ -136,7 +136,16 @@ class Block:
         for stroke in self.strokes:
             yield stroke._replace(points=moved(stroke.points, self.x, self.y), component=self.name)
         for port, mark in self.marks.items():
-            yield from _mark(self.name, self.port(port), DIRECTIONS[self.directions[port]], mark)
+            (x, y), (dx, dy) = self.port(port), DIRECTIONS[self.directions[port]]
+            if mark == "exhaust":  # open to the ambient air
+                base = x + 0.1 * dx, y + 0.1 * dy
+                wide = [(base[0] + side * dy * ARROW, base[1] + side * dx * ARROW) for side in (1, -1)]
+                tip = base[0] + MARK * dx, base[1] + MARK * dy
+                yield Shape("triangle", moved([*wide, tip]), self.name)
+                continue
+            for side in (1, -1):
+                ends = [(x + end * (dy * side + dx), y + end * (dx * side + dy)) for end in (-0.35, 0.35)]
+                yield Shape("line", moved(ends), self.name)
         for number, line in enumerate(self.label.lines):
             at = (self.x + self.label.x, self.y + self.label.y - LINE * (number + 0.5))
             yield Shape("text", (at,), self.name, size(number), line, self.label.align)
@@ -145,19 +154,6 @@ class Block:
 def moved(points: Sequence[Any], x: float = 0.0, y: float = 0.0) -> Points:
     """Return points as floats, moved by x and y."""
     return tuple((x + point[0], y + point[1]) for point in points)
-
-
-def _mark(name: str, at: Point, direction: Place, mark: str) -> Iterator[Shape]:
-    """Yield the mark of a port that is open to the ambient air, or shut."""
-    (x, y), (dx, dy) = at, direction
-    if mark == "exhaust":
-        base = x + 0.1 * dx, y + 0.1 * dy
-        wide = [(base[0] + side * dy * ARROW, base[1] + side * dx * ARROW) for side in (1, -1)]
-        yield Shape("triangle", moved([*wide, (base[0] + MARK * dx, base[1] + MARK * dy)]), name)
-    else:
-        for side in (1, -1):
-            ends = [(x + end * (dy * side + dx), y + end * (dx * side + dy)) for end in (-0.35, 0.35)]
-            yield Shape("line", moved(ends), name)
 
 
 def label_box(label: Label) -> Box:
