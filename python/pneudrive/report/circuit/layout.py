@@ -88,15 +88,6 @@ class Shape(NamedTuple):
         return tuple((x + r * math.cos(angle), y + r * math.sin(angle)) for angle in angles)
 
 
-class Label(NamedTuple):
-    """Lines of text next to a symbol."""
-
-    lines: tuple[str, ...]
-    x: float  # of the left end, or of the right end
-    y: float  # of the top
-    align: str  # "left" or "right"
-
-
 @dataclass
 class Block:
     """A component in a drawing."""
@@ -106,7 +97,7 @@ class Block:
     ports: Mapping[str, Place]
     directions: Mapping[str, str]  # side on which each port leaves
     symbol: Box
-    label: Label
+    label: Sequence[Shape]  # lines of text beside the symbol, each at the top of the label
     box: Box  # bounding box
     x: int = 0
     y: int = 0
@@ -146,9 +137,9 @@ class Block:
             for side in (1, -1):
                 ends = [(x + end * (dy * side + dx), y + end * (dx * side + dy)) for end in (-0.35, 0.35)]
                 yield Shape("line", moved(ends), self.name)
-        for number, line in enumerate(self.label.lines):
-            at = (self.x + self.label.x, self.y + self.label.y - LINE * (number + 0.5))
-            yield Shape("text", (at,), self.name, size(number), line, self.label.align)
+        for number, line in enumerate(self.label):
+            ((x, y),) = line.points
+            yield line._replace(points=((self.x + x, self.y + y - LINE * (number + 0.5)),))
 
 
 def moved(points: Sequence[Any], x: float = 0.0, y: float = 0.0) -> Points:
@@ -156,16 +147,12 @@ def moved(points: Sequence[Any], x: float = 0.0, y: float = 0.0) -> Points:
     return tuple((x + point[0], y + point[1]) for point in points)
 
 
-def label_box(label: Label) -> Box:
+def label_box(label: Sequence[Shape]) -> Box:
     """Return the rectangle of a label."""
-    width = max(text_width(line, size(number)) for number, line in enumerate(label.lines))
-    left = label.x if label.align == "left" else label.x - width
-    return left, label.y - LINE * len(label.lines), left + width, label.y
-
-
-def size(line: int) -> float:
-    """Return the text size of a line of a label, in points. The first line is the name."""
-    return NAME_PT if line == 0 else TEXT_PT
+    ((x, y),) = label[0].points
+    width = max(text_width(line.text, line.size) for line in label)
+    left = x if label[0].align == "left" else x - width
+    return left, y - LINE * len(label), left + width, y
 
 
 @lru_cache(maxsize=4096)
@@ -256,7 +243,7 @@ def bounds(points: Iterable[Point], room: float = 0.0) -> Box:
     return min(xs) - room, min(ys) - room, max(xs) + room, max(ys) + room
 
 
-def _label(name: str, one: Component, box: Box, taken: set[str]) -> Label:
+def _label(name: str, one: Component, box: Box, taken: set[str]) -> list[Shape]:
     """Return the name and the first values that the component's kind requires, on a side without ports."""
     given, values = one.plain(), []
     for parameter in one.entry["parameters"]:
@@ -277,12 +264,14 @@ def _label(name: str, one: Component, box: Box, taken: set[str]) -> Label:
     free = [side for side in (("up", "right", "left") if wide else ("right", "left", "up")) if side not in taken]
     middle = 0.5 * (box[1] + box[3]) + 0.5 * LINE * len(lines)
     places = {
-        "right": Label(lines, box[2] + 0.7, middle, "left"),
-        "left": Label(lines, box[0] - 0.7, middle, "right"),
-        "up": Label(lines, box[0] + 0.2, box[3] + 0.5 + LINE * len(lines), "left"),
-        "": Label(lines, box[2] + 0.7, box[3] + 0.5 + LINE * len(lines), "left"),  # beyond the corner
+        "right": (box[2] + 0.7, middle, "left"),
+        "left": (box[0] - 0.7, middle, "right"),
+        "up": (box[0] + 0.2, box[3] + 0.5 + LINE * len(lines), "left"),
+        "": (box[2] + 0.7, box[3] + 0.5 + LINE * len(lines), "left"),  # beyond the corner
     }
-    return places[free[0] if free else ""]
+    x, y, align = places[free[0] if free else ""]
+    sizes = (NAME_PT, *[TEXT_PT] * MOST_VALUES)
+    return [Shape("text", ((x, y),), name, size, text, align) for text, size in zip(lines, sizes, strict=False)]
 
 
 # --- Places of the blocks, and ways of the lines between them.
