@@ -82,7 +82,7 @@ class Described(Shown, BaseModel):
         try:
             return handler(data)
         except ValidationError as error:
-            raise cls._error(error) from None
+            raise cls.explain(error) from None
 
     if not TYPE_CHECKING:  # type checkers see the fields as the arguments
 
@@ -91,7 +91,7 @@ class Described(Shown, BaseModel):
             try:
                 super().__init__(**given)
             except ValidationError as error:
-                raise type(self)._error(error) from None
+                raise type(self).explain(error) from None
 
         __init__.__pydantic_base_init__ = True  # tables inside tables do not call `__init__`
 
@@ -109,11 +109,7 @@ class Described(Shown, BaseModel):
             try:
                 return super().model_validate(*given, **options)
             except ValidationError as error:
-                raise cls._error(error) from None
-
-    @classmethod
-    def _error(cls, error: ValidationError) -> DescriptionError:
-        return together(cls.explain(error))
+                raise cls.explain(error) from None
 
     @classmethod
     def keys(cls) -> list[str]:
@@ -127,8 +123,8 @@ class Described(Shown, BaseModel):
         return {key: mark for key, mark in marked if isinstance(mark, Quantity | StatedPressure)}
 
     @classmethod
-    def explain(cls, error: ValidationError) -> list[DescriptionError]:
-        """Convert pydantic's errors to messages, one for each field.
+    def explain(cls, error: ValidationError) -> DescriptionError:
+        """Convert pydantic's errors to one error with a message for each field.
 
         Unknown keys come first. A misspelt key therefore gives one message, without a second one for the missing key.
         """
@@ -148,7 +144,7 @@ class Described(Shown, BaseModel):
             cause = complaint.get("ctx", {}).get("error")
             errors = cause.each() if isinstance(cause, DescriptionError) else [cls._explained(complaint)]
             out += [_placed(one, cls._key(place)) for one in errors]
-        return out
+        return together(out)
 
     @classmethod
     def _key(cls, place: Sequence[object]) -> str:

@@ -97,8 +97,7 @@ class Circuit(DescribedSystem):
         try:
             whole = handler(data | {"components": components})
         except ValidationError as error:
-            for one in cls.explain(error):
-                problems.add(one)
+            problems.add(cls.explain(error))
         for one in problems.found.values():
             _relocate(one, short, {})
         problems.tell()
@@ -239,7 +238,13 @@ class Circuit(DescribedSystem):
         """Circuit in the core's form, with the names of its components."""
         ambient = self.ambient.core()
         problems = Problems()
-        components = [problems.take(self._core_of, name, one) for name, one in self.components.items()]
+        components: list[Plain] = []
+        for name, one in self.components.items():
+            with problems.caught(), within_component(name, {}):
+                component: Plain = {"name": name} | one.core(self.ambient.pressure_pa)
+                if one.kind == "platform/linear-delta":  # its carriages have the same places in two poses
+                    component["numbers"] = start_place(self.initial, name) | component["numbers"]
+                components.append(component)
         problems.tell()
         form = {
             "gas": self.gas.core(),
@@ -250,13 +255,6 @@ class Circuit(DescribedSystem):
         if self.junctions != "volume":
             form["junctions"] = self.junctions
         return System(json.dumps(form, sort_keys=True))
-
-    def _core_of(self, name: str, one: Component) -> Plain:
-        with within_component(name, {}):
-            form: Plain = {"name": name} | one.core(self.ambient.pressure_pa)
-            if one.kind == "platform/linear-delta":  # its carriages have the same places in two poses
-                form["numbers"] = start_place(self.initial, name) | form["numbers"]
-            return form
 
     @property
     def core_parts(self) -> dict[str, Plain]:

@@ -23,7 +23,7 @@ from pneudrive.errors import DescriptionError, invalid, nearest, package_table, 
 from pneudrive.units import Pressure, UnitFloat, column_name
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
+    from collections.abc import Iterator, Mapping
 
     from pneudrive.arrays import Interval, Keyed, NamedNumbers, Plain
 
@@ -154,18 +154,17 @@ class Component(Described):
         for parameter in filter(self._has, self.entry["parameters"]):
             yield parameter, acts(parameter, beside)
 
-    def _values(self, keys: Sequence[str]) -> list[Any]:
-        return [getattr(self, self.fields[key]) for key in keys]
-
     def numbers(self, ambient_pa: float) -> NamedNumbers:
         """Return the known parameters by key, in SI, with absolute pressures."""
         out = {}
-        acting = (p for p, has_effect in self._acting() if has_effect or not p["only"].startswith("no "))
-        for key in (p["key"] for p in acting):
-            sizes = self._values(flow_keys(self.entry, key))
-            value = sizes[0]
-            if any(sizes[1:]):
-                value = valve_flow.conductance_of([None, *sizes[1:]], *self._values(FLOW))
+        for parameter, has_effect in self._acting():
+            if not has_effect and parameter["only"].startswith("no "):
+                continue
+            key = parameter["key"]
+            value, *sizes = (getattr(self, self.fields[size]) for size in flow_keys(self.entry, key))
+            if any(sizes):
+                shape = (getattr(self, self.fields[name]) for name in FLOW)
+                value = valve_flow.conductance_of([None, *sizes], *shape)
             if isinstance(value, Pressure):
                 value = marks.absolute_above_vacuum(value, ambient_pa, key)
             if value is not None:
@@ -389,7 +388,7 @@ def component_class(kind: str, formula: ComponentFormula | None = None) -> type[
     for choice in entry["choices"]:
         options = Literal[tuple(choice["options"])]  # type: ignore[valid-type]
         if set(choice["options"]) == {"yes", "no"}:
-            options = Annotated[options, BeforeValidator(_yes_or_no)]
+            options = Annotated[options, _TRUE_OR_FALSE]
         fields[choice["name"]] = (options, Field(default=choice["options"][0], description=choice["meaning"]))
     if entry["friction"]:
         fields["friction"] = (Friction | None, None)
@@ -418,6 +417,8 @@ def component_class(kind: str, formula: ComponentFormula | None = None) -> type[
     return made
 
 
+#: Conversion of true and false of TOML to yes and no.
+_TRUE_OR_FALSE = BeforeValidator(lambda given: ("no", "yes")[given] if isinstance(given, bool) else given)
 #: Kind of switching component -> its commands. Some also accept pulses, with any fraction as command.
 SWITCHED: dict[str, list[float]] = package_table(__file__, "switched.toml")
 _PULSES = "pwm_frequency"
@@ -432,8 +433,3 @@ _SIZES: dict[str, Quantity] = {
     "kv": FlowCoefficient("", "Kv", POSITIVE),
     "cv": FlowCoefficient("", "Cv", POSITIVE),
 }
-
-
-def _yes_or_no(given: object) -> object:
-    """Convert true and false of TOML to yes and no."""
-    return {True: "yes", False: "no"}[given] if isinstance(given, bool) else given

@@ -7,7 +7,7 @@ from pneudrive.units import Pressure as _Pressure, UnitFloat as _UnitFloat
 
 _Given: _TypeAlias = str | float | _UnitFloat | _Mapping[str, _Any]
 from _typeshed import Incomplete
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from functools import cached_property
 from pneudrive.arrays import Interval as Interval, Keyed as Keyed, NamedNumbers as NamedNumbers, Plain as Plain
@@ -97,10 +97,9 @@ def _mark(parameter: Keyed) -> Quantity | StatedPressure: ...
 def _size(key: str) -> Quantity: ...
 def component_class(kind: str, formula: ComponentFormula | None = None) -> type[Component]: ...
 
+_TRUE_OR_FALSE: Incomplete
 SWITCHED: dict[str, list[float]]
 _PULSES: str
 _SPOOL: Incomplete
 _SWITCHES: str
 _SIZES: dict[str, Quantity]
-
-def _yes_or_no(given: object) -> object: ...

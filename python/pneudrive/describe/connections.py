@@ -138,9 +138,22 @@ class Wiring:
         before = len(problems.found)
         for number, chain in enumerate(connections):
             self._chain(chain, f"connections.{number}")
-        plugs = {self._plug(text, f"plugged.{number}"): f"plugged.{number}" for number, text in enumerate(plugged)}
+        plugs: dict[Port, str] = {}
+        for number, text in enumerate(plugged):
+            key = f"plugged.{number}"
+            with problems.caught():
+                name, dot, port = str(text).partition(".")
+                self._known(name, str(text), key)
+                if not dot:
+                    rule = "a plug closes a port"
+                    raise wrong(key, f'"{text}" is not a port', rule=rule, remedy='Write "valve.2".')
+                if parts[name].entry is not None:
+                    found = self._port(name, port, key)
+                    if found in self.at:
+                        raise invalid(key, "describe.plugged-and-joined", text=text, at=self.at[found])
+                    plugs[found] = key
         if len(problems.found) == before:  # otherwise the meant ports are unknown
-            self._rest({port: key for port, key in plugs.items() if port is not None})
+            self._rest(plugs)
         self._check()
 
     def ports(self, component: str) -> list[Port]:
@@ -256,17 +269,15 @@ class Wiring:
         self._merge(one, other, key)
 
     def _merge(self, one: Port, other: Port, key: str) -> None:
+        """Merge the joints of two ports. A joint with two pressures or two volumes is reported once."""
         joints = [self._joint(port, key) for port in (one, other)]
-        if joints[0] is not joints[1]:
-            kept, other_joint = sorted(joints, key=self.joints.index)
-            kept.ports += other_joint.ports
-            kept.ambient |= other_joint.ambient
-            self.at |= dict.fromkeys(other_joint.ports, kept)
-            self.joints.remove(other_joint)
-            self._one_state(kept, key)
-
-    def _one_state(self, joint: Joint, key: str) -> None:
-        """Report, once, a connection that gives a joint two pressures or two volumes."""
+        if joints[0] is joints[1]:
+            return
+        joint, other_joint = sorted(joints, key=self.joints.index)
+        joint.ports += other_joint.ports
+        joint.ambient |= other_joint.ambient
+        self.at |= dict.fromkeys(other_joint.ports, joint)
+        self.joints.remove(other_joint)
         held = [port.component for port in joint.holders] + [AMBIENT] * joint.ambient
         full = [port.component if len(self.ports(port.component)) == 1 else port.id for port in joint.volumes]
         if joint.is_refused or len(held) + len(full) < 2:
@@ -294,18 +305,6 @@ class Wiring:
 
     # --- checking ----------------------------------------------------------------------------
 
-    def _plug(self, text: object, key: str) -> Port | None:
-        with self.problems.caught():
-            name, dot, port = str(text).partition(".")
-            self._known(name, str(text), key)
-            if not dot:
-                raise wrong(key, f'"{text}" is not a port', rule="a plug closes a port", remedy='Write "valve.2".')
-            found = self._port(name, port, key) if self.parts[name].entry is not None else None
-            if found is not None and found in self.at:
-                raise invalid(key, "describe.plugged-and-joined", text=text, at=self.at[found])
-            return found
-        return None
-
     def _rest(self, plugged: Mapping[Port, str]) -> None:
         """Close plugged ports, connect free exhausts to ambient air, and report other free ports that are required."""
         for port, key in plugged.items():
@@ -330,6 +329,7 @@ class Wiring:
                 self.problems.add(problem)
 
     def _check(self) -> None:
+        """Check the joints. Gas without a path to a reservoir is a warning, and without a path to a volume an error."""
         for name in self.parts:
             ports = [port for port in self.ports(name) if port.is_single]
             places = [self.at[port] for port in ports if port in self.at]
@@ -341,12 +341,9 @@ class Wiring:
         for joint in self.joints:
             if not joint.ambient and all(port.is_pilot for port in joint.ports):
                 self.problems.add(invalid(joint.key, "describe.pilot-without-gas", joint=joint))
-        if not self.problems.found:
-            self._islands()
-
-    def _islands(self) -> None:
-        """Warn about gas without a path to a reservoir. Joints without a path to any volume are an error."""
         left = [joint for joint in self.joints if any(port.kind == "gas" for port in joint.ports)]
+        if self.problems.found:
+            return
         while left:
             group = left[:1]
             for joint in group:  # grows during the loop to all joints with flow between them

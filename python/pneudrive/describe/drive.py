@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 from pydantic import Field, model_validator
 
-from pneudrive.describe.base import as_tables, escaped, inline
+from pneudrive.describe.base import as_tables, escaped, inline, key_of
 from pneudrive.describe.components import USUAL, unusual_sizes
 from pneudrive.describe.files import catalogue, provenance, sourced, toml
 from pneudrive.describe.files.provenance import Origin
@@ -18,7 +18,7 @@ from pneudrive.describe.formulas import written
 from pneudrive.describe.formulas.law import law_of
 from pneudrive.describe.marks import Positions, Signal, absolute_above_vacuum
 from pneudrive.describe.short import TABLES, Short, without_other_sizes
-from pneudrive.describe.system import PISTON, DescribedSystem, System, drive_names, short_name
+from pneudrive.describe.system import DRIVE_NAMES, PISTON, DescribedSystem, System, short_name
 from pneudrive.describe.tables.dependences import DEPENDENCES
 from pneudrive.describe.tables.friction import Friction, friction_laws
 from pneudrive.describe.tables.parts import Cylinder, EndStop, Initial, Load, Supply, Valve, assumed_stops
@@ -28,7 +28,7 @@ from pneudrive.errors import Problems, invalid, wrong
 from pneudrive.repr_tables import Card
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Callable, Iterable
 
     from pneudrive.arrays import Keyed, NamedNumbers, Plain
     from pneudrive.describe.circuit import Circuit
@@ -73,21 +73,20 @@ class Drive(DescribedSystem):
     labels: dict[str, str] = Field(default_factory=dict)
     provenance: dict[str, Origin] = Field(default_factory=dict)
 
-    @model_validator(mode="before")
+    @model_validator(mode="wrap")
     @classmethod
-    def _no_circuit(cls, data: Any) -> Any:  # noqa: ANN401
+    def _fits_together(cls, data: Any, handler: Callable[[Any], Drive]) -> Drive:  # noqa: ANN401
         if isinstance(data, dict) and "components" in data:
             raise invalid("components", "describe.circuit-for-drive")
-        return data
-
-    @model_validator(mode="after")
-    def _fits_together(self) -> Drive:
-        if not self.is_plain:
-            assert self.circuit  # raises an error if it is wrong
-        absolute_above_vacuum(self.supply.pressure, self.ambient.pressure_pa, "supply.pressure")
-        assert self.dew_point_pressure_pa or self.gas.dew_point_k is None  # raises an error if it is wrong
-        provenance.check(self, self.provenance)
-        return self
+        drive = handler(data)
+        if not drive.is_plain:
+            assert drive.circuit  # raises an error if it is wrong
+        ambient_pa = drive.ambient.pressure_pa
+        supply_pa = absolute_above_vacuum(drive.supply.pressure, ambient_pa, "supply.pressure")
+        drive.gas.dew_point_pressure_pa(ambient_pa, supply_pa)  # raises an error if it is wrong
+        if drive.provenance:
+            provenance.check(drive, drive.provenance)
+        return drive
 
     @classmethod
     def load(cls, source: str | Path) -> Drive:
@@ -130,8 +129,9 @@ class Drive(DescribedSystem):
 
     @classmethod
     def _from_catalogue(cls, reference: str, changes: Plain) -> Drive:
-        title, values = catalogue.drive_values(reference)
-        tables = {"schema": 1, "name": title} | toml.nested((v.key, v.value) for v in values)
+        entry = catalogue.entry(reference, catalogue.DRIVE, "drive")
+        values = catalogue.all_values(entry)
+        tables = {"schema": 1, "name": entry.title} | toml.nested((v.key, v.value) for v in values)
         made = cls.model_validate(merge(tables, changes))
         vars(made)["origin_of"] = _untouched(values, changes)
         return made.read_from(reference)
@@ -214,7 +214,7 @@ class Drive(DescribedSystem):
         """Circuit of the drive in the core's form, and the names of the drive file."""
         if self.is_plain:
             return System.of_drive(self.short_form())
-        return System(self.circuit.core_json(), drive_names(only=False))
+        return System(self.circuit.core_json(), (PISTON, tuple(DRIVE_NAMES.items()), False))
 
     @property
     def commandable(self) -> dict[str, Signal | Positions | None]:
@@ -235,12 +235,22 @@ class Drive(DescribedSystem):
 
     def short_form(self) -> Plain:
         """Return supply, valve, cylinder, friction and load in SI, without lines, overlap and leakage of the valve."""
-        spring = self.carried.spring
+        ambient, spring = self.ambient.core(), self.carried.spring
+        # The supply and the walls have ambient temperature by default.
+        supply = ambient | self.supply.stored() | {"pressure_pa": self.supply_pressure_pa}
+        supply.pop("pressure")
+        cylinder: Plain = {"rod_diameter_m": 0.0, "wall_temperature_k": self.ambient.temperature_k}
+        cylinder |= self.cylinder.stored() | {"end_stop": self.cylinder.end_stop.stored()}
+        cylinder["dead_volume_a_m3"], cylinder["dead_volume_b_m3"] = cylinder.pop("dead_volume_m3")
+        if "heat_transfer_w_m2_k" in cylinder:  # replaces the law that the scale multiplies
+            del cylinder["heat_transfer_scale"]
+        if not cylinder["leakage_m3_s_pa"]:
+            del cylinder["leakage_m3_s_pa"]
         return {
             "gas": self.gas.core(),
-            "ambient": self.ambient.core(),
-            "supply": self.supply.core(self.ambient),
-            "cylinder": self.cylinder.core(self.ambient.temperature_k),
+            "ambient": ambient,
+            "supply": supply,
+            "cylinder": cylinder,
             "valve": {key: getattr(self.valve, key) for key in ("kind", "conductance_m3_s_pa", *_FLOW_SHAPE)},
             "friction": self.friction.core(),
             "load": self.carried.stored() | {"spring": None if spring is None else spring.stored()},
@@ -256,7 +266,8 @@ class Drive(DescribedSystem):
         DescriptionError
             The position is outside the stroke, or a pressure is below vacuum.
         """
-        start, stroke = read_initial(initial) or Initial(), self.cylinder.stroke_m
+        start = read_initial(initial) or Initial.model_construct()  # the defaults need no check
+        stroke = self.cylinder.stroke_m
         state = start_state(start, stroke, self.ambient.pressure_pa, self.ambient.temperature_k)
         position = state["position_m"]
         if not 0.0 <= position <= stroke:
@@ -282,11 +293,8 @@ class Drive(DescribedSystem):
     @property
     def end_stop(self) -> NamedNumbers:
         """End stop parameters in SI by the names of `EndStop`, from the file or derived from the drive."""
-        return dict(zip(EndStop.model_fields, self._stops()[0], strict=True))
-
-    def _stops(self) -> tuple[list[float], list[float]]:
-        """Return the end stops in SI, and the impact for which they are designed."""
-        return self.plain.system.compiled().end_stops(0.0)[PISTON]
+        stops, _ = self.plain.system.compiled().end_stops(0.0)[PISTON]
+        return dict(zip(EndStop.model_fields, stops, strict=True))
 
     @cached_property
     def assumptions(self) -> list[tuple[str, str]]:
@@ -296,12 +304,12 @@ class Drive(DescribedSystem):
             return [(escaped(line), "") for line in out] + self.circuit.assumptions
         for table, keys in _ASSUMED.items():
             part = getattr(self, table)
-            given = part.to_dict()
-            given |= {"heat_transfer_scale": 1.0} if "heat_transfer" in given else {}
-            out += [f"{table}.{key} = {part.default(key)}" for key in keys if key not in given]
-        stop = self.cylinder.end_stop
-        given = [key for key, name in zip(stop.keys(), type(stop).model_fields, strict=True) if name in stop.stored()]
-        out += assumed_stops("cylinder.end_stop.", given, self._stops())
+            given = part.model_fields_set
+            # A stated coefficient replaces the law that the scale multiplies.
+            given = given | {"heat_transfer_scale"} if "heat_transfer_w_m2_k" in given else given
+            out += [f"{table}.{key} = {getattr(part, key)}" for key in keys if key not in given]
+        given = [key_of(name) for name in self.cylinder.end_stop.stored()]
+        out += assumed_stops("cylinder.end_stop.", given, self.system.compiled().end_stops(0.0)[PISTON])
         out += [f"friction.{key} = {value}" for key, value in self.friction.assumed]
         return [(escaped(line), "") for line in out]
 
@@ -329,29 +337,26 @@ def merge(base: Plain, changes: Plain) -> Plain:
 
     A change removes the keys that it excludes, such as another size of the valve or parameters of another friction law.
     """
-    tables = {
-        key: value for key, value in changes.items() if isinstance(value, dict) and isinstance(base.get(key), dict)
-    }
-    kept = {key: _kept(key, base[key], own) for key, own in tables.items()}
-    return toml.merge(base | kept, changes, sourced.is_inner)
-
-
-def _kept(table: str, old: Plain, own: Plain) -> Plain:
-    """Return the values of a table that remain valid after the changes of a user."""
-    dropped: set[str] = set()
-    if table == "valve":
-        return without_other_sizes(old, own)
-    if table == "cylinder" and own.get("kind") == "rodless":
-        dropped = {"rod_diameter"}
-    elif table == "friction" and own.get("law", old.get("law")) != old.get("law"):
-        law = law_of(own["law"])
-        entry = friction_laws().get(own["law"]) if law is None else law.entry
-        relaxes = entry is None or entry["bristles"]
-        dropped = set(old) - (DEPENDENCES.keys() - ({} if relaxes else {"relaxation"}))
-    elif table == "flow_control":
-        both = {chamber for chamber in own if isinstance(old.get(chamber), dict) and isinstance(own[chamber], dict)}
-        return old | {chamber: without_other_sizes(old[chamber], own[chamber]) for chamber in both}
-    return {key: value for key, value in old.items() if key not in dropped}
+    kept = dict(base)
+    for table, own in changes.items():
+        old = base.get(table)
+        if not isinstance(own, dict) or not isinstance(old, dict):
+            continue
+        dropped: set[str] = set()
+        if table == "valve":
+            old = without_other_sizes(old, own)
+        elif table == "cylinder" and own.get("kind") == "rodless":
+            dropped = {"rod_diameter"}
+        elif table == "friction" and own.get("law", old.get("law")) != old.get("law"):
+            law = law_of(own["law"])
+            entry = friction_laws().get(own["law"]) if law is None else law.entry
+            relaxes = entry is None or entry["bristles"]
+            dropped = set(old) - (DEPENDENCES.keys() - ({} if relaxes else {"relaxation"}))
+        elif table == "flow_control":
+            both = {chamber for chamber in own if isinstance(old.get(chamber), dict) and isinstance(own[chamber], dict)}
+            old = old | {chamber: without_other_sizes(old[chamber], own[chamber]) for chamber in both}
+        kept[table] = {key: value for key, value in old.items() if key not in dropped}
+    return toml.merge(kept, changes, sourced.is_inner)
 
 
 def _untouched(values: Iterable[sourced.Value], changes: Keyed) -> dict[str, sourced.Value]:

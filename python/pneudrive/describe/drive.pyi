@@ -9,11 +9,11 @@ _Given: _TypeAlias = str | float | _UnitFloat | _Mapping[str, _Any]
 from pneudrive.describe.tables.parts import Ambient
 from pneudrive.describe.tables.parts import Gas
 from _typeshed import Incomplete
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from functools import cached_property
 from pathlib import Path
 from pneudrive.arrays import Keyed as Keyed, NamedNumbers as NamedNumbers, Plain as Plain
-from pneudrive.describe.base import as_tables as as_tables, escaped as escaped, inline as inline
+from pneudrive.describe.base import as_tables as as_tables, escaped as escaped, inline as inline, key_of as key_of
 from pneudrive.describe.circuit import Circuit as Circuit
 from pneudrive.describe.components import USUAL as USUAL, unusual_sizes as unusual_sizes
 from pneudrive.describe.files import catalogue as catalogue, provenance as provenance, sourced as sourced, toml as toml
@@ -27,10 +27,10 @@ from pneudrive.describe.marks import (
 )
 from pneudrive.describe.short import Short as Short, TABLES as TABLES, without_other_sizes as without_other_sizes
 from pneudrive.describe.system import (
+    DRIVE_NAMES as DRIVE_NAMES,
     DescribedSystem as DescribedSystem,
     PISTON as PISTON,
     System as System,
-    drive_names as drive_names,
     short_name as short_name,
 )
 from pneudrive.describe.tables.dependences import DEPENDENCES as DEPENDENCES
@@ -127,5 +127,4 @@ class Drive(DescribedSystem):
     ) -> None: ...
 
 def merge(base: Plain, changes: Plain) -> Plain: ...
-def _kept(table: str, old: Plain, own: Plain) -> Plain: ...
 def _untouched(values: Iterable[sourced.Value], changes: Keyed) -> dict[str, sourced.Value]: ...

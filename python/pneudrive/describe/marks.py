@@ -54,8 +54,8 @@ class Bounds:
 
     def beyond(self, given: object, value: float) -> None:
         """Raise `DescriptionError` for a value beyond the named bound."""
-        if self.bound:
-            within(self.bound, value, f'"{given}" is out of bounds', DescriptionError)
+        assert self.bound is not None
+        within(self.bound, value, f'"{given}" is out of bounds', DescriptionError)
 
 
 class PerChamber(NamedTuple):
@@ -63,32 +63,6 @@ class PerChamber(NamedTuple):
 
     a: float
     b: float
-
-
-def quantity(given: object, si_unit: str, bounds: Bounds, written: str | None = None) -> float:
-    """Convert one quantity to SI and check it. A `DescriptionError` gives the violated rule in the unit `written`."""
-    if not isinstance(given, str | UnitFloat):
-        raise DescriptionError(f"{given!r} has no unit", rule=units.needed(si_unit))
-    value = units.parse(given, si_unit) if isinstance(given, str) else given.si_as(si_unit)
-    rule = bounds.broken(value, lambda bound: f"{UnitFloat(bound, si_unit, written if bound else None):g}")
-    if rule:
-        raise DescriptionError(f'"{given}" is out of bounds', rule=rule)
-    bounds.beyond(given, value)
-    return value
-
-
-def number(given: object, bounds: Bounds) -> float:
-    """Check a number without a unit, or raise `DescriptionError`."""
-    if isinstance(given, bool | UnitFloat) or not isinstance(given, (int, float)):
-        raise DescriptionError(f"{given!r} is not a number", rule="a number without unit and quotes")
-    try:
-        value = float(given)
-    except OverflowError:  # a whole number beyond all numbers with a fraction
-        value = math.inf
-    rule = "finite" if not math.isfinite(value) else bounds.broken(value)
-    if rule:
-        raise DescriptionError(f"{given!r} is out of bounds", rule=rule)
-    return value
 
 
 def table_schema(properties: Plain, required: list[str] | None = None) -> Plain:
@@ -157,8 +131,27 @@ class Quantity(Mark):
         return self.bounds.ends
 
     def read(self, given: object) -> float:
-        """Convert and check a quantity, or a number without a unit."""
-        return quantity(given, self.si_unit, self.bounds, self.written) if self.si_unit else number(given, self.bounds)
+        """Convert and check a quantity, or a number without a unit. A message gives bounds in the unit `written`."""
+        if not self.si_unit:
+            if isinstance(given, bool | UnitFloat) or not isinstance(given, (int, float)):
+                raise DescriptionError(f"{given!r} is not a number", rule="a number without unit and quotes")
+            try:
+                value = float(given)
+            except OverflowError:  # a whole number beyond all numbers with a fraction
+                value = math.inf
+            rule = "finite" if not math.isfinite(value) else self.bounds.broken(value)
+            if rule:
+                raise DescriptionError(f"{given!r} is out of bounds", rule=rule)
+            return value
+        if not isinstance(given, str | UnitFloat):
+            raise DescriptionError(f"{given!r} has no unit", rule=units.needed(self.si_unit))
+        value = units.parse(given, self.si_unit) if isinstance(given, str) else given.si_as(self.si_unit)
+        rule = self.bounds.broken(value, lambda end: f"{UnitFloat(end, self.si_unit, self.written if end else None):g}")
+        if rule:
+            raise DescriptionError(f'"{given}" is out of bounds', rule=rule)
+        if self.bounds.bound:
+            self.bounds.beyond(given, value)
+        return value
 
     def show(self, value: float) -> str | float:
         """Return the value in the form that users write."""
@@ -330,7 +323,8 @@ class Whole(Quantity):
             raise DescriptionError(f"{given!r} is not a whole number")
         if given < self.at_least:
             raise DescriptionError(f"{given} is out of bounds", rule=f"at least {self.at_least}")
-        Bounds(bound=self.bound).beyond(given, given)
+        if self.bound:
+            Bounds(bound=self.bound).beyond(given, given)
         return given
 
     def schema(self) -> Plain:
@@ -421,7 +415,7 @@ def _on_paper(given: object) -> Interval | None:
         return None
     if not isinstance(given, list | tuple) or len(given) != 2:
         raise DescriptionError(f"{given!r} is not a place in a drawing", remedy="Write at = [12, 0].")
-    x, y = (number(one, Bounds(at_least=-MOST_MODULES, at_most=MOST_MODULES)) for one in given)
+    x, y = map(Quantity("", bounds=Bounds(at_least=-MOST_MODULES, at_most=MOST_MODULES)).read, given)
     return x, y
 
 
@@ -475,22 +469,24 @@ class PointRows(Quantity):
             raise DescriptionError(f"{given!r} is not a list of points", remedy=f"Write [{example}, {example}].")
         if not 2 <= len(given) <= self.most:
             raise DescriptionError(f"the number of points is {len(given)}", rule=f"2 to {self.most} points")
-        rows = tuple(self._row(dict(one), number, example) for number, one in enumerate(given, start=1))
+        rows = []
+        known = {key for key, *_ in self.columns}
+        for number, table in enumerate(given, start=1):
+            if not set(self.needed) <= set(table) <= known:
+                free = len(self.needed) < len(self.columns)
+                rest = f"; only {' and '.join(self.needed)} must be given" if free else ""
+                raise DescriptionError(f"point {number} = {dict(table)!r}", rule=f"a point is {example}{rest}")
+            row = []
+            for key, mark, default in self.columns:
+                is_left_out = default is not None and key not in table
+                row.append(default if is_left_out else _read(mark, table[key], f"{key} of point {number}"))
+            rows.append(tuple(row))
         key, first, _ = self.columns[0]
         for before, after in pairwise(rows):
             if after[0] <= before[0]:
                 what = f"{key} = {first.show(after[0])} follows {first.show(before[0])}"
                 raise DescriptionError(what, rule=f"{key} must increase from point to point")
-        return rows
-
-    def _row(self, table: Plain, number: int, example: str) -> tuple[float, ...]:
-        if not set(self.needed) <= set(table) <= {key for key, *_ in self.columns}:
-            rest = f"; only {' and '.join(self.needed)} must be given" if len(self.needed) < len(self.columns) else ""
-            raise DescriptionError(f"point {number} = {table!r}", rule=f"a point is {example}{rest}")
-        return tuple(
-            default if default is not None and key not in table else _read(mark, table[key], f"{key} of point {number}")
-            for key, mark, default in self.columns
-        )
+        return tuple(rows)
 
     def show(self, value: Sequence[Sequence[float]]) -> list[dict[str, str | float]]:  # type: ignore[override]
         """Return the points in the form that users write."""
@@ -518,12 +514,12 @@ def _read(mark: Quantity, given: object, name: str) -> float:
 def parameter_quantity(parameter: Keyed) -> Quantity:
     """Return the annotation of one parameter: SI unit, preferred unit, bounds."""
     si_unit = units.si_name(parameter["unit"])
-    written = units.readable(si_unit)[1]
+    written = units.USUAL.get(si_unit, si_unit.replace("^", ""))
     ends = (parameter["lower"], parameter["upper"])
     low, high = (None if end is None or math.isinf(end) else end for end in ends)
     lower = {"above" if parameter["open"] else "at_least": low}
     upper = {"below" if parameter["open_above"] else "at_most": high}
-    return Quantity(si_unit, written if units.is_unit(written) else None, Bounds(**lower, **upper))
+    return Quantity(si_unit, written if written in units.TABLE else None, Bounds(**lower, **upper))
 
 
 def parameter_quantities(entry: Keyed) -> dict[str, Quantity]:

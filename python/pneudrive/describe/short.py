@@ -55,7 +55,9 @@ class Short:
             self._add("supply", "supply", {"kind": "reservoir"} | given["supply"])
         for name in ("valve", "cylinder"):
             if name in given:
-                self._add(name, name, _of_kind(given[name], name))
+                kind = given[name].get("kind")
+                is_short = isinstance(kind, str) and not kind.startswith(f"{name}/")
+                self._add(name, name, dict(given[name]) | ({"kind": f"{name}/{kind}"} if is_short else {}))
         if "friction" in given:
             self.components["cylinder"]["friction"] = given["friction"]
             self.places["components.cylinder.friction"] = "friction"
@@ -65,10 +67,17 @@ class Short:
             self._add("load", "load", {"kind": "load"} | load)
         if spring is not None:
             self._add("spring", "load.spring", {"kind": "spring"} | (spring if isinstance(spring, dict) else {}))
-        for key in _LINES:
+        for key, (part, kind, renamed) in _LINES.items():
             for chamber, table in given.get(key, {}).items():
+                where, name = f"{key}.{chamber}", f"{part}_{chamber}"
                 with problems.caught():
-                    self._add_line(key, chamber, table)
+                    if chamber not in CHAMBERS:
+                        raise invalid(where, "describe.not-a-chamber", shown=where, remedy=nearest(chamber, CHAMBERS))
+                    if not isinstance(table, dict):
+                        raise wrong(where, f"{where} = {table!r} is not a table", remedy="Write { ... }.")
+                    self._add(name, where, {"kind": kind} | renamed(table, where))
+                    for size in set(FLOW_KEYS) & set(table) if key == "flow_control" else ():
+                        self.places[f"components.{name}.{_NEEDLE}{size}"] = f"{where}.{size}"
         self.chains = _chains(self.components, data)
         connections = data.get("connections", ())
         self._given = len(connections) if isinstance(connections, list | tuple) else 0  # before the default ones
@@ -76,19 +85,6 @@ class Short:
     def _add(self, name: str, place: str, table: Plain) -> None:
         self.components[name] = table
         self.places[f"components.{name}"] = place
-
-    def _add_line(self, key: str, chamber: str, table: object) -> None:
-        """Add the component of a line to a chamber."""
-        part, kind, renamed = _LINES[key]
-        where = f"{key}.{chamber}"
-        if chamber not in CHAMBERS:
-            raise invalid(where, "describe.not-a-chamber", shown=where, remedy=nearest(chamber, CHAMBERS))
-        if not isinstance(table, dict):
-            raise wrong(where, f"{where} = {table!r} is not a table", remedy="Write { ... }.")
-        name = f"{part}_{chamber}"
-        self._add(name, where, {"kind": kind} | renamed(table, where))
-        for size in set(FLOW_KEYS) & set(table) if key == "flow_control" else ():
-            self.places[f"components.{name}.{_NEEDLE}{size}"] = f"{where}.{size}"
 
     def located(self, key: str | None) -> str | None:
         """Return the key of the short form for a key of a circuit file."""
@@ -117,13 +113,6 @@ def _tables(data: Keyed, problems: Problems) -> Plain:
             problems.add(wrong(key, f"{what}; missing: {rest}", remedy=remedy))
             del given[key]
     return given
-
-
-def _of_kind(table: Keyed, family: str) -> Plain:
-    """Return the table with the kind of the component: ``rodless`` becomes ``cylinder/rodless``."""
-    kind = table.get("kind")
-    is_short = isinstance(kind, str) and not kind.startswith(f"{family}/")
-    return dict(table) | ({"kind": f"{family}/{kind}"} if is_short else {})
 
 
 def _flow_control(table: Keyed, where: str) -> Plain:

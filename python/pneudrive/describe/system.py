@@ -49,9 +49,32 @@ class System(NamedTuple):
 
     @classmethod
     def of_drive(cls, form: Plain) -> System:
-        """Return the system of a drive without lines, from its tables in SI (`Drive.short_form`)."""
-        return cls(json.dumps(expanded_drive(form), sort_keys=True), drive_names(only=True))
+        """Return the system of a drive without lines. Columns without a short name are omitted.
 
+        Parameters
+        ----------
+        form : dict
+            Tables of the drive file in SI, with units in the keys (`Drive.short_form`).
+        """
+        cylinder, valve, load = dict(form["cylinder"]), dict(form["valve"]), dict(form.get("load", {}))
+        choices = {"chamber_law": cylinder.pop("chamber_law", "energy-balance")}
+        stops = {f"end_stop_{key}": value for key, value in cylinder.pop("end_stop", {}).items()}
+        kind, spring = cylinder.pop("kind"), load.pop("spring", None)
+        components = [
+            core_part("supply", "reservoir", form["supply"]),
+            core_part("valve", f"valve/{valve.pop('kind')}", valve),
+            core_part(PISTON, f"cylinder/{kind}", cylinder | stops, choices=choices, friction=form["friction"]),
+            core_part("load", "load", load),
+        ]
+        rod = [f"{PISTON}.rod", "load.1"]
+        if spring is not None:
+            components.append(core_part("spring", "spring", spring))
+            rod.append("spring.1")
+        joints = [["supply.1", "valve.1"], ["valve.4", f"{PISTON}.a"], ["valve.2", f"{PISTON}.b"], rod]
+        circuit = {"gas": form["gas"], "ambient": form["ambient"], "components": components, "joints": joints}
+        return cls(json.dumps(circuit, sort_keys=True), (PISTON, tuple(DRIVE_NAMES.items()), True))
+
+    @lru_cache(maxsize=256)  # noqa: B019 - a system consists of texts
     def compiled(self) -> _core.Circuit:
         """Return the core's circuit; each system is compiled once.
 
@@ -60,58 +83,20 @@ class System(NamedTuple):
         DescriptionError
             The core rejects the system.
         """
-        return compiled(self.json, self.names)
+        try:
+            return _core.Circuit(self.json, self.names)
+        except ValueError as error:
+            refusal = DescriptionError(str(error))
+            known = [one["name"] for one in json.loads(self.json)["components"]]
+            named = re.match(rf"({'|'.join(map(re.escape, known))})\b(?:\.(\w+))?", str(error))
+            if named and named[1]:
+                refusal.key = f"components.{named[1]}.{named[2] or ''}".rstrip(".")
+            raise refusal from None
 
 
-def drive_names(*, only: bool) -> ShortNames:
-    """Return the table of names of a drive; `only` leaves out columns without a short name."""
-    return PISTON, tuple(DRIVE_NAMES.items()), only
-
-
-@lru_cache(maxsize=256)
 def compiled(core_json: str, names: ShortNames | None = None) -> _core.Circuit:
-    """Return the core's form of a circuit; each description is compiled once.
-
-    Raises
-    ------
-    DescriptionError
-        The core rejects the circuit.
-    """
-    try:
-        return _core.Circuit(core_json, names)
-    except ValueError as error:
-        refusal = DescriptionError(str(error))
-        known = [one["name"] for one in json.loads(core_json)["components"]]
-        named = re.match(rf"({'|'.join(map(re.escape, known))})\b(?:\.(\w+))?", str(error))
-        if named and named[1]:
-            refusal.key = f"components.{named[1]}.{named[2] or ''}".rstrip(".")
-        raise refusal from None
-
-
-def expanded_drive(form: Plain) -> Plain:
-    """Return the circuit of a drive without lines, in the core's form.
-
-    Parameters
-    ----------
-    form : dict
-        Tables of the drive file in SI (`Drive.short_form`). Keys carry units: ``{"cylinder": {"bore_m": 0.025, ...}}``.
-    """
-    cylinder, valve, load = dict(form["cylinder"]), dict(form["valve"]), dict(form.get("load", {}))
-    choices = {"chamber_law": cylinder.pop("chamber_law", "energy-balance")}
-    stops = {f"end_stop_{key}": value for key, value in cylinder.pop("end_stop", {}).items()}
-    kind, spring = cylinder.pop("kind"), load.pop("spring", None)
-    components = [
-        core_part("supply", "reservoir", form["supply"]),
-        core_part("valve", f"valve/{valve.pop('kind')}", valve),
-        core_part(PISTON, f"cylinder/{kind}", cylinder | stops, choices=choices, friction=form["friction"]),
-        core_part("load", "load", load),
-    ]
-    rod = [f"{PISTON}.rod", "load.1"]
-    if spring is not None:
-        components.append(core_part("spring", "spring", spring))
-        rod.append("spring.1")
-    joints = [["supply.1", "valve.1"], ["valve.4", f"{PISTON}.a"], ["valve.2", f"{PISTON}.b"], rod]
-    return {"gas": form["gas"], "ambient": form["ambient"], "components": components, "joints": joints}
+    """Return the core's circuit for its form; see `System.compiled`."""
+    return System(core_json, names).compiled()
 
 
 def core_part(name: str, kind: str, table: Keyed, **more: object) -> Plain:
@@ -231,4 +216,5 @@ class DescribedSystem(DescribedFile):
     @property
     def cited(self) -> list[str]:
         """Keys of references.bib that are sources of values."""
-        return sorted(references().keys() & {value.source for value in self.origin_of.values()})
+        sources = {value.source for value in self.origin_of.values()}
+        return sorted(references().keys() & sources) if sources else []

@@ -27,7 +27,7 @@ from pneudrive.describe.tables.valve_flow import FLOW_KEYS
 from pneudrive.errors import CommandError, FitError, SimulationError, nearest, package_table
 from pneudrive.progress import UNWATCHED, Watch
 from pneudrive.simulation import command as commands
-from pneudrive.simulation.start import DriveOrCircuit, StartState, ready
+from pneudrive.simulation.start import DriveOrCircuit, StartState
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -64,20 +64,6 @@ def component_numbers(form: Plain) -> Iterator[tuple[str, str, float, Plain]]:
                 continue
             name = f"{_NUMBERS['tables'].get(own, own)}.{_NUMBERS['keys'].get(key, key)}"
             yield name, f"{own}.{key}", value, rows[key]
-
-
-def table_of(form: Plain, path: str) -> tuple[Plain, str]:
-    """Return the table and the key of a path in a circuit's form."""
-    own, _, key = path.partition(".")
-    component = next((one for one in form["components"] if one["name"] == own), None)
-    if component is None:
-        return form[own], key
-    if not key.startswith("friction."):
-        return component["numbers"], key
-    *tables, key = key.split(".")
-    for table in tables:
-        component = component[table]
-    return component, key
 
 
 def at_rest(name: str, pressures: ArrayPair | Pair, temperature_k: float) -> Array | float:
@@ -211,7 +197,11 @@ def find(described: DriveOrCircuit, names: Sequence[str], *, shifts: bool = Fals
     CommandError
         A name is unknown or repeated, or runs have no derivative with respect to this number.
     """
-    elsewhere = _of_circuits(described)
+    elsewhere: set[str] = set()  # parameters of a drive's valve that only a circuit file has: the lag of the valve
+    if described.system.names is not None:
+        valve = cast("Drive", described).valve
+        keys = {row["key"] for row in component_kinds()[f"valve/{valve.kind}"]["parameters"]}
+        elsewhere = {f"valve.{key}" for key in keys.difference(valve.keys())}
     known = {name: number for name, number in numbers_of(described).items() if name not in elsewhere}
     shifting = set(COMMAND_STEPS) if shifts else set()
     discrete = {n for n, number in known.items() if number.discrete and n.rpartition(".")[2] not in shifting}
@@ -229,15 +219,6 @@ def find(described: DriveOrCircuit, names: Sequence[str], *, shifts: bool = Fals
     if len(set(names)) < len(names):
         raise CommandError("a parameter is given twice", value=", ".join(names))
     return [known[name] for name in names]
-
-
-def _of_circuits(described: DriveOrCircuit) -> set[str]:
-    """Return the parameters of a drive's valve that only a circuit file has: the lag of the valve."""
-    if described.system.names is None:
-        return set()
-    valve = cast("Drive", described).valve
-    keys = {row["key"] for row in component_kinds()[f"valve/{valve.kind}"]["parameters"]}
-    return {f"valve.{key}" for key in keys.difference(valve.keys())}
 
 
 def chosen(drive: DriveOrCircuit, free: Sequence[str]) -> list[Parameter]:
@@ -351,7 +332,17 @@ class DriveFamily:
         return core.shoot("command", asked, look)
 
     def _place(self, path: str) -> tuple[Plain, str]:
-        return table_of(self._form, path)
+        """Return the table and the key of a path in the form."""
+        own, _, key = path.partition(".")
+        component = next((one for one in self._form["components"] if one["name"] == own), None)
+        if component is None:
+            return self._form[own], key
+        if not key.startswith("friction."):
+            return component["numbers"], key
+        *tables, key = key.split(".")
+        for table in tables:
+            component = component[table]
+        return component, key
 
     @property
     def exact(self) -> list[str]:
@@ -500,7 +491,7 @@ class Differentiator:
         self.parameters = find(drive, names)
         self._family = family_of(drive, self.parameters)
         self._commands = commands.inputs(command, drive.commandable)
-        core, start = ready(drive, initial)
+        core, start = drive.system.compiled(), drive.core_initial(initial)
         if not self._commands:  # a run has one command
             self._commands = [
                 (next(name for name, *_ in core.inputs if name.endswith("load_force_n")), ((0.0,), (0.0,)))

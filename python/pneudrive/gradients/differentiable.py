@@ -193,10 +193,18 @@ class Differentiable:
         for one in self._reductions:
             column = self._columns.index(one.columns[0])
             x, by = signals[:, column], slopes[:, column]
-            is_search = one.word in SOUGHT
-            parts.append(
-                SOUGHT[one.word](one, times, x, by) if is_search else _reduced(one, self._times, x[given], by[given])
-            )
+            if one.word in SOUGHT:
+                parts.append(SOUGHT[one.word](one, times, x, by))
+                continue
+            x, by = x[given], by[given]
+            if one.word == "final":
+                parts.append((x[-1:], by[-1:]))
+            elif one.word == "samples":
+                parts.append((x, by))
+            else:
+                both: Array = np.array(np.trapezoid(np.column_stack([x, by]), self._times, axis=0))
+                both /= self._times[-1] - self._times[0] if one.word == "mean" else 1.0
+                parts.append((both[:1], both[None, 1:]))
         values, derivatives = zip(*parts, strict=True)
         return np.concatenate(values), np.concatenate(derivatives)
 
@@ -245,14 +253,3 @@ def _extreme(one: Reduction, times: Array, x: Array, by: Array) -> ArrayPair:
 
 #: Results at times between samples.
 SOUGHT = {"time_when": _crossing, "max": _extreme, "min": _extreme}
-
-
-def _reduced(one: Reduction, times: Array, x: Array, by: Array) -> ArrayPair:
-    """Return results (k,) and derivatives (k, p) from a signal (n,) and its derivatives."""
-    if one.word == "final":
-        return x[-1:], by[-1:]
-    if one.word == "samples":
-        return x, by
-    length = times[-1] - times[0] if one.word == "mean" else 1.0
-    both: Array = np.array(np.trapezoid(np.column_stack([x, by]), times, axis=0)) / length
-    return both[:1], both[None, 1:]

@@ -213,20 +213,13 @@ class Dragged:
         around = f"{AMBIENT}.pressure_pa"
         result = session.record(ends[-1], times_s, [name for name in names.values() if name != around], look)
         found = result["columns"] | {around: np.full(len(times_s), self.ambient["pressure_pa"])}
-        state, commanded = _at_rest(dict(zip((name for name, _ in core.states), session.state, strict=True)), released)
         columns = {own: found[name] for own, name in names.items()}
-        return MotionResult(columns, result["statistics"], state, commanded)
-
-
-def _at_rest(state: NamedNumbers, released: bool) -> tuple[list[float], float]:
-    """Return the state in which the next motion begins, and its commanded position.
-
-    Rounding errors at the end of a command are removed. For a released carriage, the actual position becomes the
-    command.
-    """
-    position, *rates = [name for name in state if name.startswith("carriage.")][:3]
-    if released:
-        state[position], state["carriage.velocity_m_s"] = state["carriage.position_m"], 0.0
-    if released or abs(state[rates[0]]) < AT_REST_M_S:
-        state |= dict.fromkeys(rates, 0.0)
-    return list(state.values()), state[position]
+        # The state in which the next motion begins, without rounding errors at the end of the command. For a released
+        # carriage, the actual position becomes the command.
+        state = dict(zip((name for name, _ in core.states), session.state, strict=True))
+        position, *rates = [name for name in state if name.startswith("carriage.")][:3]
+        if released:
+            state[position], state["carriage.velocity_m_s"] = state["carriage.position_m"], 0.0
+        if released or abs(state[rates[0]]) < AT_REST_M_S:
+            state |= dict.fromkeys(rates, 0.0)
+        return MotionResult(columns, result["statistics"], list(state.values()), state[position])

@@ -6,7 +6,6 @@ import math
 import os
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from functools import lru_cache
 from numbers import Real
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias, cast
@@ -64,8 +63,9 @@ def steps(command: Command, times: Sequence[float] | None = None, signal: Comman
         return _from_file(command, signal)
     if isinstance(command, str):
         # `isfile` is False for a text that is no name of a file.
-        is_file = command.lower().endswith(".csv") or (":" not in command and os.path.isfile(command))  # noqa: PTH113
-        return _from_file(Path(command), signal) if is_file else _from_text(command, signal)
+        if command.lower().endswith(".csv") or (":" not in command and os.path.isfile(command)):  # noqa: PTH113
+            return _from_file(Path(command), signal)
+        command = _entries(command)
     if isinstance(command, Real):
         return _checked([(0.0, _number(command, "command"))], signal)
     if callable(command):
@@ -79,7 +79,15 @@ def steps(command: Command, times: Sequence[float] | None = None, signal: Comman
             time, value = pair
         except (TypeError, ValueError):
             raise CommandError.of("simulation.command-entry", number=number + 1, pair=pair, forms=FORMS) from None
-        pairs.append((_time(time) if isinstance(time, str) else _number(time, "time"), _opening(value, signal)))
+        if isinstance(time, str):
+            with naming("a time of the command"):
+                time = units.parse(time, "s")  # in s
+        if isinstance(value, str) and value.split()[1:]:  # a voltage or a current
+            electrical = signal.signal if isinstance(signal, Positions) else signal
+            if electrical is None:
+                raise CommandError.of("simulation.no-electrical-input", given=value)
+            value = electrical.opening(value)  # in [-1, 1]
+        pairs.append((_number(time, "time"), _number(value, "command")))
     return _checked(pairs, signal)
 
 
@@ -179,20 +187,19 @@ def _named(given: Command) -> tuple[str, Command]:
     return (found[1], found[2].strip()) if found else ("", given)
 
 
-@lru_cache(maxsize=64)
-def _from_text(text: str, signal: CommandInput) -> Steps:
-    entries = [entry.strip() for entry in re.split("[,;]", text)]
+def _entries(text: str) -> list[tuple[str, str]]:
+    """Return times and values of a command as texts. A single value without a time holds for the whole run."""
     if not text.strip():
         raise CommandError("the command is empty", remedy='Write for instance "0 s: 0.6, 1 s: -0.6".')
+    if not re.search("[,;:]", text):
+        return [("0 s", text.strip())]
     pairs = []
-    if len(entries) == 1 and ":" not in text:
-        return _checked([(0.0, _opening(text.strip(), signal))], signal)
-    for entry in entries:
+    for entry in map(str.strip, re.split("[,;]", text)):
         time, colon, value = entry.rpartition(":")
         if not colon or not time.strip():
             raise CommandError.of("simulation.entry-without-time", entry=entry)
-        pairs.append((_time(time.strip()), _opening(value.strip(), signal)))
-    return _checked(pairs, signal)
+        pairs.append((time.strip(), value.strip()))
+    return pairs
 
 
 def _from_file(path: Path, signal: CommandInput) -> Steps:
@@ -235,23 +242,6 @@ def _checked(pairs: Sequence[tuple[float, float]], signal: CommandInput, places:
         before = time
     times, values = zip(*pairs, strict=True)
     return times, values
-
-
-def _time(text: str) -> float:
-    with naming("a time of the command"):
-        return units.parse(text, "s")
-
-
-def _opening(given: object, signal: CommandInput) -> float:
-    """Read one command: a number, or a voltage or current if the electrical input of the valve is described."""
-    unit = given.split()[1:] if isinstance(given, str) else []
-    if not unit:
-        return _number(given, "command")
-    if isinstance(signal, Positions):
-        signal = signal.signal
-    if signal is None:
-        raise CommandError.of("simulation.no-electrical-input", given=given)
-    return signal.opening(str(given))
 
 
 def _number(given: object, what: str, where: str | None = None) -> float:

@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from pneudrive.constants import AIR_GAS_CONSTANT_J_KG_K, MOLAR_GAS_CONSTANT_J_MOL_K, ZERO_CELSIUS_K
-from pneudrive.describe.system import compiled
 from pneudrive.describe.tables.parts import CAPACITY_CELSIUS, CAPACITY_EXCESS, VIRIAL
 from pneudrive.describe.tables.starts import angles, coordinates, pose_text
 
@@ -18,6 +17,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from pneudrive.arrays import Array, Keyed
+    from pneudrive.describe import Circuit
     from pneudrive.simulation.start import DriveOrCircuit
 
 #: Largest absolute pressure of the model, Pa: flow functions and cylinders are specified up to less (assumed).
@@ -50,10 +50,12 @@ def warnings(described: DriveOrCircuit, columns: Keyed) -> list[str]:
     columns : mapping
         Columns of the trajectory.
     """
-    time, places = columns["time_s"], list(gas_volumes(columns))
-    found = [*_pressures(places, time), *_hot(described, places, time), *_gas(described, places, time)]
-    found += [*_pistons(described, columns), *_singular_poses(described, columns)]
-    return [*water_warnings(described, columns), *found, *_ice(described, columns)]
+    places = list(gas_volumes(columns))
+    found = [] if described.gas.dew_point_k is None else [*_water(described, columns, places)]
+    found += _gas_limits(described, columns["time_s"], places)
+    if hasattr(described, "components"):
+        found += _mechanical_limits(described, columns)  # type: ignore[arg-type] - a circuit
+    return [*found, *_ice(described, columns)]
 
 
 def gas_volumes(columns: Keyed) -> Iterator[GasVolume]:
@@ -66,7 +68,10 @@ def gas_volumes(columns: Keyed) -> Iterator[GasVolume]:
             yield GasVolume(column, name, pressure, temperature)
 
 
-def _pressures(places: list[GasVolume], time_s: Any) -> Iterator[str]:  # noqa: ANN401 - array or column
+def _gas_limits(described: DriveOrCircuit, time_s: Any, places: list[GasVolume]) -> Iterator[str]:  # noqa: ANN401 - array or column
+    """Yield a warning for a high pressure, for a hot gas, and for a gas that deviates from its law."""
+    import numpy as np
+
     high = [place for place in places if place.pressure_pa.max() > HIGHEST_PA]
     if high:
         worst = max(high, key=lambda place: float(place.pressure_pa.max()))
@@ -77,54 +82,36 @@ def _pressures(places: list[GasVolume], time_s: Any) -> Iterator[str]:  # noqa: 
             f"the pressure in {worst.name} reaches {1e-5 * worst.pressure_pa.max():.3g} bar abs at {when:.4g} s"
             f"{others}: the model is valid up to {1e-5 * HIGHEST_PA:g} bar abs (assumed)"
         )
-
-
-def _hot(described: DriveOrCircuit, places: list[GasVolume], time_s: Any) -> Iterator[str]:  # noqa: ANN401 - array or column
-    """Yield a note if the heat capacity of the hottest gas differs much from the constant value of the model."""
-    import numpy as np
-
-    excesses = CAPACITY_EXCESS.get(_gas_name(described))
-    if excesses is None or not places:
-        return
-    worst = max(places, key=lambda place: float(place.temperature_k.max()))
-    hottest = float(worst.temperature_k.max())
-    excess = float(np.interp(hottest - ZERO_CELSIUS_K, CAPACITY_CELSIUS, excesses))
-    if excess > CAPACITY_OFF:
-        when = time_s[int(worst.temperature_k.argmax())]
-        yield (
-            f"the gas in {worst.name} reaches {_celsius(hottest)} at {when:.4g} s, "
-            f"where its heat capacity is {100.0 * excess:.1f} % higher than in the model"
-        )
-
-
-def _gas_name(described: DriveOrCircuit) -> str:
-    """Return the name of the gas. Air is recognised by its gas constant; an unknown gas has an empty name."""
-    gas = described.gas
+    gas = described.gas  # air is recognised by its gas constant
     is_air = gas.name in (None, "air") and gas.gas_constant_j_kg_k == AIR_GAS_CONSTANT_J_KG_K
-    return "air" if is_air else gas.name or ""
+    name = "air" if is_air else gas.name or ""
 
+    # Heat capacity of the hottest gas: the model has a constant one.
+    excesses = CAPACITY_EXCESS.get(name)
+    if excesses is not None and places:
+        worst = max(places, key=lambda place: float(place.temperature_k.max()))
+        hottest = float(worst.temperature_k.max())
+        excess = float(np.interp(hottest - ZERO_CELSIUS_K, CAPACITY_CELSIUS, excesses))
+        if excess > CAPACITY_OFF:
+            when = time_s[int(worst.temperature_k.argmax())]
+            yield (
+                f"the gas in {worst.name} reaches {_celsius(hottest)} at {when:.4g} s, "
+                f"where its heat capacity is {100.0 * excess:.1f} % higher than in the model"
+            )
 
-def _celsius(temperature_k: float, digits: int = 1) -> str:
-    return f"{temperature_k - ZERO_CELSIUS_K:.{digits}f} degC"
-
-
-def _gas(described: DriveOrCircuit, places: list[GasVolume], time_s: Any) -> Iterator[str]:  # noqa: ANN401 - array or column
-    """Yield a warning if the contribution of the second virial coefficient is too large for the gas law in use."""
-    gas, name = described.gas, _gas_name(described)
-    coefficients = VIRIAL.get("nitrogen" if name == "air" else name)  # air is taken as nitrogen
-    if coefficients is None:
-        return
+    # Contribution of the second virial coefficient.
     most = IDEAL_OFF if gas.model == "ideal" else VIRIAL_OFF
-    (a, b, c), worst, off = coefficients, None, 0.0
+    a, b, c = VIRIAL.get("nitrogen" if is_air else name, (0.0, 0.0, 0.0))  # air is taken as nitrogen
+    deviation, off = None, 0.0
     for place in places:
         for row in {int(place.pressure_pa.argmax()), int(place.temperature_k.argmin())}:
             pressure, temperature = float(place.pressure_pa[row]), float(place.temperature_k[row])
             second = 1e-6 * (a - b * math.exp(c / max(temperature, 60.0)))  # coefficient B [libretexts-virial]
             share = second * pressure / (MOLAR_GAS_CONSTANT_J_MOL_K * temperature)
             if abs(share) > max(abs(off), most):
-                worst, off = (place.name, pressure, temperature, row), share
-    if worst is not None:
-        name, pressure, temperature, row = worst
+                deviation, off = (place.name, pressure, temperature, row), share
+    if deviation is not None:
+        name, pressure, temperature, row = deviation
         law = "the ideal gas law" if gas.model == "ideal" else "the virial gas law"
         remedy = (
             '; gas.model = "virial" includes this coefficient' if gas.model == "ideal" and gas.name in VIRIAL else ""
@@ -136,11 +123,15 @@ def _gas(described: DriveOrCircuit, places: list[GasVolume], time_s: Any) -> Ite
         )
 
 
-def _pistons(described: DriveOrCircuit, columns: Keyed) -> Iterator[str]:
-    """Yield a warning for each piston without end stops that leaves its stroke."""
+def _celsius(temperature_k: float, digits: int = 1) -> str:
+    return f"{temperature_k - ZERO_CELSIUS_K:.{digits}f} degC"
+
+
+def _mechanical_limits(circuit: Circuit, columns: Keyed) -> Iterator[str]:
+    """Yield a warning for each piston that leaves its stroke, and for each platform that passes a singular pose."""
     import numpy as np
 
-    for name, component in getattr(described, "components", {}).items():
+    for name, component in circuit.components.items():
         position = columns.get(f"{name}.position_m")
         if component.kind != "piston" or position is None:
             continue
@@ -153,18 +144,11 @@ def _pistons(described: DriveOrCircuit, columns: Keyed) -> Iterator[str]:
                 f"{name} leaves its stroke: it is at {1e3 * position[row]:.6g} mm at {when:.4g} s, and its stroke is "
                 f"0 to {1e3 * stroke:g} mm. A piston has no end stops: use a cylinder, or connect stops to the piston"
             )
-
-
-def _singular_poses(described: DriveOrCircuit, columns: Keyed) -> Iterator[str]:
-    """Yield a warning for each platform that passes a singular pose (the determinant of its Jacobian changes sign)."""
-    kinds = {name: one.kind for name, one in getattr(described, "components", {}).items()}
-    if not any(kind.startswith("platform/") and kind != "platform/driven" for kind in kinds.values()):
-        return
-    import numpy as np
-
-    for platform in compiled(described.circuit.core_json()).platforms:
+    kinds = {one.kind for one in circuit.components.values() if one.kind.startswith("platform/")}
+    for platform in circuit.system.compiled().platforms if kinds - {"platform/driven"} else ():
         names = [f"{platform.name}.{key}" + ("" if key.endswith("_m") else "_rad") for key in platform.coordinates]
         q = coordinates(platform, np.column_stack([np.fromiter(columns[name], float) for name in names]))
+        # In a singular pose, the determinant of the Jacobian changes its sign.
         signs = np.linalg.slogdet(platform.evaluate(q, np.zeros_like(q))["jacobian"])[0]
         rows = np.flatnonzero(signs[1:] * signs[:-1] <= 0.0)
         if rows.size:
@@ -219,17 +203,22 @@ def dew_point(vapour_pressure_pa: float) -> float:
     return ZERO_CELSIUS_K + c * log / (b - log)
 
 
-def water_warnings(described: DriveOrCircuit, columns: Keyed) -> Iterator[str]:
+def _water(described: DriveOrCircuit, columns: Keyed, places: list[GasVolume]) -> Iterator[str]:
     """Yield warnings on condensation in a run: for each volume, at most one for the wall and one for the gas.
 
-    Without a stated dew point, no warnings are given. All gas is assumed to come from the supply.
+    All gas is assumed to come from the supply.
     """
     import numpy as np
 
     if (share := water_share(described)) is None:
         return
-    for place in gas_volumes(columns):
-        time_s, wall_k = columns["time_s"], _wall_k(described, columns, place)
+    for place in places:
+        time_s = columns["time_s"]
+        # Wall temperature: a column for a wall that stores heat, otherwise a number.
+        own = place.column.partition(".")[0] if "." in place.column else "cylinder"
+        wall_k = columns.get(f"{own}.wall_temperature_k") if "." in place.column else None
+        wall_k = getattr(described.circuit.components[own], "wall_temperature_k", None) if wall_k is None else wall_k
+        wall_k = described.ambient.temperature_k if wall_k is None else wall_k
         vapour, saturated = share * place.pressure_pa, saturation_pressure(place.temperature_k)
         on_wall = vapour / saturation_pressure(wall_k)
         at = int(on_wall.argmax())
@@ -256,14 +245,6 @@ def water_share(drive: DriveOrCircuit) -> float | None:
     """Return the molar fraction of water vapour in the gas. None without a dew point."""
     pressure, dew = drive.dew_point_pressure_pa, drive.gas.dew_point_k
     return None if pressure is None or dew is None else float(saturation_pressure(dew)) / pressure
-
-
-def _wall_k(described: DriveOrCircuit, columns: Keyed, place: GasVolume) -> Any:  # noqa: ANN401
-    """Return the wall temperature of a volume in K: a column for a wall that stores heat, otherwise a number."""
-    own = place.column.partition(".")[0] if "." in place.column else "cylinder"
-    wall = columns.get(f"{own}.wall_temperature_k") if "." in place.column else None
-    wall = getattr(described.circuit.components[own], "wall_temperature_k", None) if wall is None else wall
-    return described.ambient.temperature_k if wall is None else wall
 
 
 def _when(time_s: float, pressure_pa: float) -> str:

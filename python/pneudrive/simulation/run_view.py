@@ -51,7 +51,12 @@ def run_view(columns: Keyed, provenance: Keyed, described: DriveOrCircuit | None
     )
     amount = litres if abs(litres - coarse) <= MOST_APART * litres else "not resolved by the samples: use --energy"
     air = ShownValue("air", "all chambers", f"{'air' if described is None else 'gas'} into chambers, l ANR", amount)
-    peaks = list(_peaks(columns))
+    labels = {column: meaning(column) for column in columns}
+    peaks = [
+        ShownValue(f"{name}.peak", name, "peak pressure, absolute", float(columns[column].max()), "Pa")
+        for column, (name, unit, _) in labels.items()
+        if unit == "Pa"
+    ]
     begun = [_begun(provenance, impact) for impact in impacts]
     backwards = zip(begun[::-1], impacts[::-1], strict=True)  # the first impact of a stroke counts
     of_stroke = {at: hit for at, hit in backwards if at is not None}
@@ -110,10 +115,3 @@ def _impacts(impacts: list[Keyed], begun: Sequence[float | None]) -> Iterator[Sh
         for key, (name, unit) in TABLE["impact"].items():
             if values[key] is not None:
                 yield ShownValue(f"{label}.{name}", label, name, values[key], unit)
-
-
-def _peaks(columns: Keyed) -> Iterator[ShownValue]:
-    for column, values in columns.items():
-        name, unit, _ = meaning(column)
-        if unit == "Pa":
-            yield ShownValue(f"{name}.peak", name, "peak pressure, absolute", float(values.max()), "Pa")

@@ -6,7 +6,6 @@ import math
 import operator
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import lru_cache
 from typing import TYPE_CHECKING
 
 from pneudrive import __version__, units
@@ -19,7 +18,7 @@ from pneudrive.repr_tables import Shown
 from pneudrive.simulation import command as commands
 from pneudrive.simulation import run_limits
 from pneudrive.simulation.session import core_error
-from pneudrive.simulation.start import DriveOrCircuit, StartState, check_tolerance, ready
+from pneudrive.simulation.start import DriveOrCircuit, StartState, check_tolerance
 from pneudrive.simulation.trajectory import MOST_SAMPLES, meaning
 
 if TYPE_CHECKING:
@@ -52,12 +51,25 @@ class Run(Shown):
     def dataset(self) -> xr.Dataset:
         """Return a labelled dataset: dimension time, a unit and a long name for each variable."""
         import xarray as xr
+        from xarray.indexes import PandasIndex
 
+        upper("Pneu")  # registers `run.pneu`
         variables = {}
         for column, values in self.columns.items():
-            name, attrs = _label(column, self.meanings.get(column))
-            variables[name] = xr.Variable(("time",), values, dict(attrs), fastpath=True)
-        made = _dataset(variables, dict(self.provenance))
+            name, unit, long_name = meaning(column)
+            about = {"units": unit, "long_name": self.meanings.get(column) or long_name, "column": column}
+            variables[name] = xr.Variable(("time",), values, about, fastpath=True)
+        # The public constructor of xarray aligns variables, which takes more than half the time of a simulation. Here
+        # all variables have the same index, so that the internal constructor suffices. If it is missing or has changed,
+        # the public constructor is used.
+        try:
+            index = PandasIndex(variables["time"].values, "time")
+            ready = variables | index.create_variables({"time": variables["time"]})
+            sizes, attrs = {"time": len(index.index)}, dict(self.provenance)
+            made = xr.Dataset._construct_direct(ready, {"time"}, sizes, attrs, {"time": index})
+        except (AttributeError, TypeError):
+            # A variable of the name of its dimension becomes its coordinate.
+            made = xr.Dataset(variables, attrs=dict(self.provenance))
         if not self.parameters:
             return made
         out: Plain = {
@@ -70,26 +82,6 @@ class Run(Shown):
             about = {"units": f"{unit} per unit of the parameter", "long_name": f"derivative: {long_name}"}
             out[f"sensitivity_{name}"] = (("parameter", "time"), derivatives.T, about)
         return made.assign(out)
-
-
-def _dataset(variables: dict[str, xr.Variable], attrs: Plain) -> xr.Dataset:
-    """Make a data set of columns over time.
-
-    The public constructor of xarray aligns variables, which takes more than half the time of a simulation. Here all
-    variables have the same index, so that the internal constructor suffices. If it is missing or has changed, the
-    public constructor is used.
-    """
-    import xarray as xr
-    from xarray.indexes import PandasIndex
-
-    upper("Pneu")  # registers `run.pneu`
-    try:
-        index = PandasIndex(variables["time"].values, "time")
-        ready = variables | index.create_variables({"time": variables["time"]})
-        sizes = {"time": len(index.index)}
-        return xr.Dataset._construct_direct(ready, {"time"}, sizes, attrs, {"time": index})
-    except (AttributeError, TypeError):
-        return xr.Dataset(variables, attrs=attrs)  # a variable of the name of its dimension becomes its coordinate
 
 
 def simulate(
@@ -219,7 +211,7 @@ def run(
     if budget is not None and (isinstance(budget, bool) or not 1 <= budget <= MOST_BUDGET):
         raise CommandError(f"budget = {budget} is out of bounds", rule=f"1 to {MOST_BUDGET:.0e} attempted steps")
     plans = commands.inputs(command, drive.commandable, asked)
-    core, start = ready(drive, initial)
+    core, start = drive.system.compiled(), drive.core_initial(initial)
     watch.look()
     try:
         inputs = [(name, list(times), list(values)) for name, (times, values) in plans]
@@ -227,7 +219,13 @@ def run(
         result: SimulationResult = core.simulate(inputs, seconds, *options)
     except (ValueError, RuntimeError) as error:
         raise core_error(error, SimulationError) from None
-    result["warnings"] += _open_ledger(result["ledger"], rtol) + run_limits.warnings(drive, result["columns"])
+    open_energy = abs((result["ledger"] or {"energy_error": 0.0})["energy_error"])
+    if not open_energy <= max(ENERGY_CLOSES, ENERGY_RTOL * rtol):  # also for a balance that is not a number
+        result["warnings"].append(
+            f"the energy balance has an error of {open_energy:.1e} of the energy throughput: friction or "
+            f"flow is not resolved; choose rtol below {rtol:.1e}, or bristles with less damping"
+        )
+    result["warnings"] += run_limits.warnings(drive, result["columns"])
     for message in result["warnings"]:
         warn(message)
     parameters, derivatives = (), {}
@@ -240,30 +238,16 @@ def run(
         values = [parameter.value for parameter in parameters]
         _, by_numbers = differentiator.run(values, result["columns"]["time_s"], names, watch=watch)
         derivatives = {name: by_numbers[:, i] for i, name in enumerate(names)}
-    known = {} if drive.system.names is None else _steps(*plans[0][1])
-    return Run(result["columns"], _provenance(drive, result, rtol) | known, drive.meanings, parameters, derivatives)
+    provenance = _provenance(drive, result, plans, rtol)
+    return Run(result["columns"], provenance, drive.meanings, parameters, derivatives)
 
 
-def _steps(times: Sequence[float], values: Sequence[float]) -> dict[str, list[list[float]]]:
-    """Return exact times and values of command changes for the provenance. Samples show a change with a delay."""
-    found = [[t, values[i]] for i, t in enumerate(times) if not i or values[i] != values[i - 1]]
-    return {"command_steps": found} if len(found) <= MOST_STEPS else {}
-
-
-def _open_ledger(ledger: Plain | None, rtol: float) -> list[str]:
-    """Return a warning if the energy balance does not close."""
-    if ledger is None or abs(ledger["energy_error"]) <= max(ENERGY_CLOSES, ENERGY_RTOL * rtol):
-        return []
-    return [
-        f"the energy balance has an error of {abs(ledger['energy_error']):.1e} of the energy throughput: friction or "
-        f"flow is not resolved; choose rtol below {rtol:.1e}, or bristles with less damping"
-    ]
-
-
-def _provenance(drive: DriveOrCircuit, result: SimulationResult, rtol: float) -> Plain:
-    ledger = {} if result["ledger"] is None else {"ledger": result["ledger"]}
+def _provenance(
+    drive: DriveOrCircuit, result: SimulationResult, plans: list[tuple[str, commands.Steps]], rtol: float
+) -> Plain:
+    out = made_from(drive, rtol)
     water = () if drive.gas.dew_point_k is None else run_limits.SOURCES
-    return made_from(drive, rtol) | {
+    out |= {
         "statistics": result["statistics"],
         "warnings": [*drive.notes, *result["warnings"]],
         "impacts": result["impacts"],
@@ -271,21 +255,23 @@ def _provenance(drive: DriveOrCircuit, result: SimulationResult, rtol: float) ->
         "assumed": drive.assumed(),
         "labels": dict(drive.labels),
         INPUTS: inputs_of(drive),
-        **({"identified": drive.to_dict()["provenance"]} if getattr(drive, "provenance", None) else {}),
-        **ledger,
     }
+    if getattr(drive, "provenance", None):
+        out["identified"] = drive.to_dict()["provenance"]
+    if result["ledger"] is not None:
+        out["ledger"] = result["ledger"]
+    if drive.system.names is not None:
+        # Exact times and values of the command changes of a drive: samples show a change with a delay.
+        ((_, (times, values)),) = plans
+        steps = [[t, values[i]] for i, t in enumerate(times) if not i or values[i] != values[i - 1]]
+        out |= {"command_steps": steps} if len(steps) <= MOST_STEPS else {}
+    return out
 
 
 def made_from(described: DriveOrCircuit, rtol: float) -> Plain:
     """Return title and hash of the description, version, solver and tolerance of a run."""
     names = {"title": described.name, "description_hash": described.description_hash}
     return names | {"version": __version__, "solver": SOLVER, "rtol": rtol}
-
-
-@lru_cache(maxsize=64)
-def _label(column: str, said: str | None) -> tuple[str, tuple[tuple[str, str], ...]]:
-    name, unit, long_name = meaning(column)
-    return name, (("units", unit), ("long_name", said or long_name), ("column", column))
 
 
 def require(given: object, has: str, what: str, instead: str) -> None:

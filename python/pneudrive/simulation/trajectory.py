@@ -10,14 +10,15 @@ import json
 import os
 import secrets
 from contextlib import contextmanager, suppress
+from functools import lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from pneudrive.errors import CommandError, ErrorKind, RecordingError, nearest, package_table, warn
 from pneudrive.files.content import csv_names, read_csv, spreadsheet_text
 from pneudrive.files.inputs import stored_beside
 from pneudrive.files.seal import sealed_parquet
-from pneudrive.units import without_unit
+from pneudrive.units import suffix
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
@@ -33,13 +34,15 @@ MOST_SAMPLES = 50_000_000  # of a run: its trajectory takes about 6 GB
 TABLE: Plain = package_table(__file__, "columns.toml")
 #: Column of a file -> variable, unit, long name.
 MEANING: dict[str, tuple[str, str, str]] = {column: tuple(about) for column, about in TABLE["columns"].items()}
-_UNITS = tuple(TABLE["units"])
+#: Ending of the name of a column -> its unit.
+_ENDINGS = {f"_{suffix(unit)}": unit for unit in TABLE["units"]}
 SUFFIXES = (".parquet", ".csv", ".nc")
 TABLES = {".parquet": "parquet", ".nc": "netcdf"}
 
 
+@lru_cache(maxsize=4096)
 def meaning(column: str) -> tuple[str, str, str]:
-    """Return (variable, units, long name) of a column, from the table or from the suffix of the name.
+    """Return (variable, units, long name) of a column, from the table or from the longest suffix of the name.
 
     Examples
     --------
@@ -55,8 +58,9 @@ def meaning(column: str) -> tuple[str, str, str]:
     known = MEANING.get(column)
     if known is not None:
         return known
-    name, unit = without_unit(column, _UNITS)
-    return name, unit, name.replace("_", " ")
+    ending = max((ending for ending in _ENDINGS if column.endswith(ending)), key=len, default="")
+    name = column.removesuffix(ending)
+    return name, _ENDINGS.get(ending, "1"), name.replace("_", " ")
 
 
 def columns(run: xr.Dataset) -> Columns:
@@ -156,7 +160,9 @@ def save(run: xr.Dataset, path: str | Path) -> Path:
     check_si(run)
     if target.suffix.lower() == ".nc":
         flat = run.copy()
-        flat.attrs = {key: _flat(value) for key, value in stored_beside(run.attrs, target.parent).items()}
+        for key, value in stored_beside(run.attrs, target.parent).items():
+            is_plain = isinstance(value, str | int | float)
+            flat.attrs[key] = value if is_plain else json.dumps(value, default=str)
         numbers = [str(name) for name, v in flat.variables.items() if v.ndim and v.dtype.kind in "iuf"]
         checked = {name: {"fletcher32": True} for name in numbers}
         # In memory first: HDF5 crashes the process when the disk is full.
@@ -289,7 +295,3 @@ def attributes(run: xr.Dataset) -> Plain:
             with suppress(ValueError):
                 out[name] = json.loads(out[name])
     return out
-
-
-def _flat(value: Any) -> Any:  # noqa: ANN401 - attributes are of any kind
-    return value if isinstance(value, (str, int, float)) else json.dumps(value, default=str)

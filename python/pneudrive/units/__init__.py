@@ -223,20 +223,6 @@ def suffix(si_unit: str) -> str:
     return re.sub(r"[^a-z0-9]+", "_", si_unit.lower().replace("^", "")).strip("_")
 
 
-@lru_cache(maxsize=4096)
-def without_unit(name: str, units: tuple[str, ...]) -> tuple[str, str]:
-    """Return a name without the suffix of its unit, and the unit ("1" without a suffix). The longest suffix is used.
-
-    Examples
-    --------
-    >>> without_unit("speed_m_s", ("s", "m/s")), without_unit("flags", ("s", "m/s"))
-    (('speed', 'm/s'), ('flags', '1'))
-    """
-    endings = {f"_{suffix(unit)}": unit for unit in units}
-    ending = max((ending for ending in endings if name.endswith(ending)), key=len, default="")
-    return name.removesuffix(ending), endings.get(ending, "1")
-
-
 def column_name(name: str, unit: str) -> str:
     """Return the name of a column, including its unit.
 
@@ -282,7 +268,16 @@ def parse(text: str, si_unit: str) -> float:
 
 @lru_cache(maxsize=4096)
 def _parsed(text: str, si_unit: str) -> float:
-    number, unit = _split(text, si_unit)
+    match = _NUMBER.match(text)
+    if match is None:
+        comma = re.match(r"\s*[+-]?\d+,\d", text)
+        remedy = "Use a decimal point, not a comma." if comma else "Write a number, a space and a unit."
+        raise DescriptionError(f'"{text}" is not a quantity', rule=needed(si_unit), remedy=remedy)
+    number, unit = match[1], match[2].strip()
+    if not math.isfinite(float(number)):
+        raise DescriptionError(f'"{text}" is not finite', rule=needed(si_unit))
+    if not unit:
+        raise DescriptionError(f'"{text}" has no unit', rule=needed(si_unit))
     value = _apply(number, *converter(unit, si_unit))
     if not abs(value) <= LARGEST:
         raise DescriptionError(f'"{text}" is out of bounds', rule=f"quantities are at most {LARGEST:g} {si_unit}")
@@ -306,13 +301,15 @@ def parse_pressure(text: str, *, gauge_allowed: bool = True) -> Pressure:
     """
     plain, mark = split_mark(text)
     try:
-        if mark:
-            return Pressure(parse(plain, "Pa"), gauge=mark == " gauge")
-        number, unit = _split(text, "Pa")
-        converter(unit, "Pa")  # a wrong dimension is the greater mistake: report that first
+        value_pa = parse(plain, "Pa")  # a wrong dimension is the greater mistake: report that first
     except DescriptionError as error:
         rule = PRESSURE_NEEDED if error.rule == DIFFERENCE_NEEDED else error.rule
         raise DescriptionError(error.what, rule=rule, remedy=error.remedy) from None
+    if mark:
+        return Pressure(value_pa, gauge=mark == " gauge")
+    match = _NUMBER.match(text)
+    assert match is not None  # the text has just been read
+    number, unit = match[1], match[2].strip()
     remedy = None if gauge_allowed else f'Write "{number} {unit} abs".'
     raise DescriptionError.of("units.abs-or-gauge", text=text, number=number, unit=unit, remedy=remedy)
 
@@ -503,21 +500,6 @@ def _apply(number: str, factor: float, offset: float) -> float:
     return float(Decimal(number) * Decimal(repr(factor)) + Decimal(repr(offset)))
 
 
-def _split(text: str, si_unit: str) -> tuple[str, str]:
-    """Split a quantity into the number, as written, and the unit."""
-    match = _NUMBER.match(text)
-    if match is None:
-        comma = re.match(r"\s*[+-]?\d+,\d", text)
-        remedy = "Use a decimal point, not a comma." if comma else "Write a number, a space and a unit."
-        raise DescriptionError(f'"{text}" is not a quantity', rule=needed(si_unit), remedy=remedy)
-    number, unit = match[1], match[2].strip()
-    if not math.isfinite(float(number)):
-        raise DescriptionError(f'"{text}" is not finite', rule=needed(si_unit))
-    if not unit:
-        raise DescriptionError(f'"{text}" has no unit', rule=needed(si_unit))
-    return number, unit
-
-
 # --- Units that are not in the table, converted by pint.
 #
 # pint is imported only when needed, because its import takes longer than a whole simulation.
@@ -553,7 +535,15 @@ def converter_of_pint(unit: str, si_unit: str) -> tuple[float, float]:
 
     registry = _registry()
     wanted = si_unit.removesuffix(" ANR")
-    target, parsed = (_pint_unit(registry, one, si_unit) for one in (wanted, unit.removesuffix(" ANR")))
+    found = []
+    for one in (wanted, unit.removesuffix(" ANR")):
+        # pint's notation has other powers and products: N s/m2 -> N*s/m**2
+        powers = re.sub(r"(?<=[A-Za-zµ])\^?(\d)", r"**\1", canonical(one).replace("°C", "degC").replace("°", "deg"))
+        try:
+            found.append(registry.Unit(re.sub(r"(?<=[\w)])\s+(?=[A-Za-z(])", "*", powers.strip())))
+        except Exception:  # pint raises many kinds of errors for text that it cannot read, down to tokenizer errors
+            raise DescriptionError(f'unit "{one}" is not known', rule=needed(si_unit)) from None
+    target, parsed = found
     if si_unit == "rad/s" and "hertz" in str(parsed):
         remedy = "Write the frequency times 2 pi: 62.8 rad/s for 10 Hz."
         raise DescriptionError(f'unit "{unit}" counts cycles', rule="an angular rate in rad/s is needed", remedy=remedy)
@@ -567,12 +557,3 @@ def converter_of_pint(unit: str, si_unit: str) -> tuple[float, float]:
         is_a = f"of dimension {parsed.dimensionality}"
         raise wrong_dimension(unit, si_unit, is_a) from None
     return one - zero, zero
-
-
-def _pint_unit(registry: pint.UnitRegistry, unit: str, si_unit: str) -> pint.Unit:
-    """Return a unit of pint, whose notation has other powers and products: ``N s/m2`` -> ``N*s/m**2``."""
-    powers = re.sub(r"(?<=[A-Za-zµ])\^?(\d)", r"**\1", canonical(unit).replace("°C", "degC").replace("°", "deg"))
-    try:
-        return registry.Unit(re.sub(r"(?<=[\w)])\s+(?=[A-Za-z(])", "*", powers.strip()))
-    except Exception:  # pint raises many kinds of errors for text that it cannot read, down to tokenizer errors
-        raise DescriptionError(f'unit "{unit}" is not known', rule=needed(si_unit)) from None

@@ -143,7 +143,7 @@ def entries() -> dict[str, Entry]:
     known = PRINTED | {value.key for one in found.values() for value in one.printed}
     for folder in _own.get():
         for path in sorted(folder.rglob("*.toml")):
-            for own in _read(path):
+            for own in _read(path, path.stat().st_mtime_ns):
                 before = found.get(own.name)
                 if before is not None:
                     home = before.source_file
@@ -158,7 +158,7 @@ def entries() -> dict[str, Entry]:
 @lru_cache(maxsize=1)
 def _built_in() -> dict[str, Entry]:
     paths = [*sorted((FOLDER / "drives").glob("*.toml")), *sorted((FOLDER / "parts").glob("*.toml"))]
-    return {one.name: one for path in paths for one in _read(path)}
+    return {one.name: one for path in paths for one in _read(path, path.stat().st_mtime_ns)}
 
 
 def entry(name: str, what: str = "", key: str = "") -> Entry:
@@ -196,12 +196,6 @@ def all_values(found: Entry) -> list[Value]:
             out[key] = replace(v, key=key, value=value)
     out |= {v.key: v for v in found.values}
     return list(out.values())
-
-
-def drive_values(reference: str) -> tuple[str, list[Value]]:
-    """Return the title of a drive, and its values by keys of the drive file, for ``catalogue:NAME``."""
-    found = entry(reference, DRIVE, "drive")
-    return found.title, all_values(found)
 
 
 def part_table(reference: object) -> dict[str, Any]:
@@ -251,11 +245,6 @@ def check(part: Entry) -> None:
     raise toml.located(together(errors), part.source_file, text)
 
 
-def _read(path: Path) -> list[Entry]:
-    """Read a file of the catalogue."""
-    return list(_read_at(path, path.stat().st_mtime_ns))
-
-
 class SourceTable(Described):
     """Source described in a catalogue file, because references.bib does not contain it."""
 
@@ -280,7 +269,8 @@ class _Parts(_Sources):
 
 
 @lru_cache(maxsize=512)
-def _read_at(path: Path, _changed: int) -> tuple[Entry, ...]:
+def _read(path: Path, _changed: int) -> tuple[Entry, ...]:
+    """Read a file of the catalogue, again when its time of change is another one."""
     tables, text = toml.read(path)
     problems = Problems()
     with toml.locating(path, text):
@@ -361,18 +351,14 @@ def find_parts(
     for key, given in (("bore", bore), ("stroke", stroke), ("flow", flow)):
         if given is not None:
             unit = "m" if key != "flow" else NOMINAL_FLOW if "ANR" in given else CONDUCTANCE
-            low, high = _range(key, given, unit)
+            if ".." in given:
+                low, high = units.parse_range(given, unit)
+            else:
+                low = high = units.parse(given, unit)
+                if not low > 0.0:
+                    raise wrong(key, f'{key}: "{given}" is out of bounds', rule="greater than 0")
             found = [one for one in found if _fits(one, key, unit, low, high)]
     return sorted(found, key=lambda one: one.name)
-
-
-def _range(key: str, given: str, unit: str) -> tuple[float, float]:
-    if ".." in given:
-        return units.parse_range(given, unit)
-    value = units.parse(given, unit)
-    if not value > 0.0:
-        raise wrong(key, f'{key}: "{given}" is out of bounds', rule="greater than 0")
-    return value, value
 
 
 def _fits(entry: Entry, key: str, unit: str, low: float, high: float) -> bool:

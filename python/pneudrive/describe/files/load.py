@@ -114,10 +114,14 @@ def circuit_schema() -> Plain:
             one["properties"]["formula"] = {"anyOf": [{"type": "string", "pattern": "^file:.+$"}, {"type": "object"}]}
             one["additionalProperties"] = {"type": ["string", "number", "object"]}
         whole = _with_tables(one)
-        whole["properties"] = {key: _with_origin(form) for key, form in whole["properties"].items()} | {
-            "copies": _COPIES
-        }
-        alternatives.append(whole)
+        properties: Plain = {}
+        for key, form in whole["properties"].items():
+            # A quantity may have its origin; a choice or a table has none.
+            is_quantity = "x-unit" in form or form.get("type") == "number" or "anyOf" in form
+            said = {word: {"type": "string"} for word in ("source", "assumed", "note")}
+            with_origin = {"anyOf": [form, table_schema({"value": form} | said, ["value"])]}
+            properties[key] = with_origin if is_quantity else form
+        alternatives.append(whole | {"properties": properties | {"copies": _COPIES}})
     use = {"type": "string", "pattern": "^catalogue:.+$", "description": "Part of the catalogue; other keys override"}
     alternatives.append({"type": "object", "properties": {"use": use, "copies": _COPIES}, "required": ["use"]})
     schema["properties"]["components"] = {
@@ -130,14 +134,6 @@ def circuit_schema() -> Plain:
     required = [key for key in schema.pop("required", []) if key != "components"]
     schema |= {"required": required} if required else {}
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}
-
-
-def _with_origin(form: Plain) -> Plain:
-    """Extend the schema of a quantity by a value with its origin. Choices and tables stay unchanged."""
-    if "x-unit" not in form and form.get("type") != "number" and "anyOf" not in form:
-        return form
-    said = {key: {"type": "string"} for key in ("source", "assumed", "note")}
-    return {"anyOf": [form, table_schema({"value": form} | said, ["value"])]}
 
 
 def _with_tables(component: Plain) -> Plain:

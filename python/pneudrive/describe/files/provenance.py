@@ -108,8 +108,6 @@ def check(drive: Described, origins: Mapping[str, Origin]) -> None:
     ------
     DescriptionError
     """
-    if not origins:
-        return
     known = values(drive)
     for key, origin in origins.items():
         full = f"provenance.{key}"

@@ -84,12 +84,13 @@ def parse(text: str, origin: str, kind: ErrorKind = DescriptionError) -> Plain:
     try:
         tables = tomllib.loads(text.replace("\r\n", "\n"))
     except tomllib.TOMLDecodeError as error:
-        what, line = _syntax(str(error), text)
-        where, remedy = (
-            f"{origin}:{line}",
-            'Write quantities in quotation marks, "25 mm", and each key once in its table.',
-        )
-        raise kind(f"the file is not TOML: {what}", where=where, value=_line(text, line), remedy=remedy) from None
+        # The parser's text ends with the place. An error at the end of the document gets the last line.
+        place = re.search(r"\s*\(at (?:line (\d+), column \d+|end of document)\)", str(error))
+        line = max(int(place[1]) if place and place[1] else len(text.splitlines()), 1)
+        what = re.sub(r"\s*\(at [^)]*\)", "", str(error))
+        what = f"the file is not TOML: {what[:1].lower()}{what[1:]}"
+        remedy = 'Write quantities in quotation marks, "25 mm", and each key once in its table.'
+        raise kind(what, where=f"{origin}:{line}", value=_line(text, line), remedy=remedy) from None
     except ValueError as error:  # a whole number of thousands of digits
         raise kind(f"the file is not TOML: {error}", where=origin) from None
     check_depth(tables, origin, kind)
@@ -245,7 +246,10 @@ def line_numbers(text: str) -> dict[str, int]:
             continue
         header, assignment = _HEADER.match(line), _ASSIGNMENT.match(line)
         if header and not assignment:
-            table = _table(header[1], is_one_of_many=line.lstrip().startswith("[["), counts=counts)
+            table = _dotted(header[1])
+            if line.lstrip().startswith("[["):  # one of an array of tables, with its number
+                counts[table] = counts.get(table, -1) + 1
+                table = f"{table}.{counts[table]}"
             lines.setdefault(table, number)
         elif assignment:
             name = ".".join(part for part in (table, _dotted(assignment[1])) if part)
@@ -256,15 +260,6 @@ def line_numbers(text: str) -> dict[str, int]:
                 lines.setdefault(f"{name}.{_dotted(inner[1])}", number)
             texts = _texts(value[1:], name, 0, number, lines) if value.startswith("[") else None
     return lines
-
-
-def _table(header: str, *, is_one_of_many: bool, counts: dict[str, int]) -> str:
-    """Return the name of a table; for an array of tables, with the number of the table."""
-    table = _dotted(header)
-    if not is_one_of_many:
-        return table
-    counts[table] = counts.get(table, -1) + 1
-    return f"{table}.{counts[table]}"
 
 
 def _texts(
@@ -379,14 +374,6 @@ def _dotted(name: str) -> str:
 def _line(text: str, number: int) -> str:
     lines = text.splitlines()
     return lines[number - 1].strip() if 0 < number <= len(lines) else ""
-
-
-def _syntax(message: str, text: str) -> tuple[str, int]:
-    """Split the parser's error into text and line. An error at the end of the document gets the last line."""
-    place = re.search(r"\s*\(at (?:line (\d+), column \d+|end of document)\)", message)
-    line = int(place[1]) if place and place[1] else len(text.splitlines())
-    what = re.sub(r"\s*\(at [^)]*\)", "", message)
-    return what[:1].lower() + what[1:], max(line, 1)
 
 
 def beside(path: Path) -> str:

@@ -124,22 +124,19 @@ class FrictionLaw(written.Written):
         """
         return cls.model_validate(cls.from_tables(tables, OUTPUTS, "N"))
 
-    def check_names(self) -> None:
-        """Check that the names of parameters and levels are allowed in a friction table."""
-        for key in _TAKEN:
-            if key in self.parameters:
-                raise invalid(f"parameters.{key}", "describe.key-of-friction", key=key)
-        for key in self.levels:
-            if key not in LEVELS:
-                raise wrong(f"levels.{key}", f"levels.{key} is not a known level", remedy=nearest(key, LEVELS))
-
     @cached_property
     def entry(self) -> Plain:
         """Entry of the law in the form of `friction_laws`: name, title, parameters, states, bristles."""
         return written.core_entry("formula_law", OUTPUTS, json.dumps(self.core()))
 
     def core(self) -> Plain:
-        """Return the law in the core's form, in SI."""
+        """Return the law in the core's form, in SI, if a friction table allows its parameters and levels."""
+        for key in _TAKEN:
+            if key in self.parameters:
+                raise invalid(f"parameters.{key}", "describe.key-of-friction", key=key)
+        for key in self.levels:
+            if key not in LEVELS:
+                raise wrong(f"levels.{key}", f"levels.{key} is not a known level", remedy=nearest(key, LEVELS))
         named = {level: level for level in LEVELS if level in self.parameters} if not self.levels else self.levels
         states = []
         for key, about in self.states.items():

@@ -87,13 +87,9 @@ class Written(DescribedFile):
 
     @model_validator(mode="after")
     def _checked(self) -> Written:
-        self.check_names()
         for message in self.entry["warnings"]:
             warn(f'{self.called} "{self.name}": {message}')
         return self
-
-    def check_names(self) -> None:
-        """Reject names that are already used, before the core reads the formulas."""
 
     @classmethod
     def from_tables(cls, tables: Keyed, outputs: tuple[str, ...], unit: str) -> Plain:
@@ -234,23 +230,18 @@ def core_entry(read: str, outputs: tuple[str, ...], *texts: str) -> Plain:
     try:
         return getattr(_core, read)(*texts)
     except ValueError as error:
-        raise _refused(error, outputs) from None
-
-
-def _refused(error: ValueError, outputs: tuple[str, ...]) -> DescriptionError:
-    """Convert an error of the core about formulas to an error with its key."""
-    if len(error.args) != 8:
-        return DescriptionError(str(error))
-    what, key, formula, line, column, shown, caret, remedy = error.args
-    value = None
-    if line:
-        place = f"line {line}, column {column}" if "\n" in formula else f"column {column}"
-        what = f"{what} ({place})"
-        value = f"{shown}\n    {caret}"
-    full = f"output.{key}" if key in outputs else key
-    out = DescriptionError(f"{full}: {what}", value=value, remedy=remedy or None)
-    out.key = full
-    return out
+        if len(error.args) != 8:
+            raise DescriptionError(str(error)) from None
+        what, key, formula, line, column, shown, caret, remedy = error.args
+        value = None
+        if line:
+            place = f"line {line}, column {column}" if "\n" in formula else f"column {column}"
+            what = f"{what} ({place})"
+            value = f"{shown}\n    {caret}"
+        full = f"output.{key}" if key in outputs else key
+        refusal = DescriptionError(f"{full}: {what}", value=value, remedy=remedy or None)
+        refusal.key = full
+        raise refusal from None
 
 
 # --- Formula of a component: a mass flow or a force with parameters.

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, get_args
 from pydantic import ModelWrapValidatorHandler, model_validator
 
 from pneudrive import _core, units
+from pneudrive.arrays import Plain
 from pneudrive.describe import marks
 from pneudrive.describe.base import Described, as_tables
 from pneudrive.describe.formulas.law import FrictionLaw, law_of
@@ -21,7 +22,7 @@ from pneudrive.describe.tables.dependences import DEPENDENCES, Acting
 from pneudrive.errors import DescriptionError, invalid, nearest, warn, wrong
 
 if TYPE_CHECKING:
-    from pneudrive.arrays import Keyed, NamedNumbers, Plain
+    from pneudrive.arrays import Keyed, NamedNumbers
 
 
 @lru_cache(maxsize=1)
@@ -208,20 +209,22 @@ class Friction(Described):
         """Parameters of the law in SI by key, including defaults."""
         return MappingProxyType(dict(self.values))
 
-    @model_validator(mode="before")
+    @model_validator(mode="wrap")
     @classmethod
-    def _by_law(cls, data: Any) -> Any:  # noqa: ANN401
+    def _by_law(cls, data: Any, handler: ModelWrapValidatorHandler[Friction]) -> Friction:  # noqa: ANN401
         if not isinstance(data, dict):
-            return data
-        laws = friction_laws()
-        name = data["law"]
-        own = law_of(name)
-        if own is not None:
-            name = own.name
-        elif not isinstance(name, str) or name not in laws:
+            return handler(data)
+        laws, assumed = friction_laws(), Plain()
+        if data.get("law") is None:
+            data, assumed = by_default(data)
+        name, own = data["law"], None
+        if isinstance(name, str) and name in laws:
+            entry = laws[name]
+        elif (own := law_of(name)) is not None:
+            name, entry = own.name, own.entry
+        else:
             remedy = f'{nearest(str(name), laws)} For a custom law, write "{FILE_PREFIX}NAME.toml".'
             raise wrong("friction.law", f'friction.law = "{name}" is not known', remedy=remedy)
-        entry = laws[name] if own is None else own.entry
         parameters = {p["key"]: p for p in entry["parameters"]}
         rest = {key: value for key, value in data.items() if key not in ("law", *CHOICES, *DEPENDENCES)}
         values: NamedNumbers = {}
@@ -254,16 +257,9 @@ class Friction(Described):
             "values": tuple(values.items()),
             "given": frozenset(rest),
         }
-        return out | {key: data[key] for key in (*CHOICES, *DEPENDENCES) if data.get(key) is not None}
-
-    @model_validator(mode="wrap")
-    @classmethod
-    def _named(cls, data: Any, handler: ModelWrapValidatorHandler[Friction]) -> Friction:  # noqa: ANN401
-        if not isinstance(data, dict) or data.get("law") is not None:
-            return handler(data)
-        data, assumed = by_default(data)
-        friction = handler(data)
-        vars(friction)["assumed"] = tuple((key, str(value)) for key, value in assumed.items())
+        friction = handler(out | {key: data[key] for key in (*CHOICES, *DEPENDENCES) if data.get(key) is not None})
+        if assumed:
+            vars(friction)["assumed"] = tuple((key, str(value)) for key, value in assumed.items())
         return friction
 
     @cached_property

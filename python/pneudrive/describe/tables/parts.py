@@ -148,11 +148,6 @@ class Supply(Described):
     pressure: Annotated[units.Pressure, marks.StatedPressure()]
     temperature_k: MaybeTemperature = None
 
-    def core(self, ambient: Ambient) -> NamedNumbers:
-        """Return the table in the core's form, in SI. A missing temperature is the ambient temperature."""
-        temperature = ambient.temperature_k if self.temperature_k is None else self.temperature_k
-        return {"pressure_pa": self.pressure.absolute_pa(ambient.pressure_pa), "temperature_k": temperature}
-
 
 class _DrivePart(Described):
     """Table of a drive file that has fewer kinds than the components of circuits."""
@@ -256,15 +251,6 @@ class Cylinder(_DrivePart):
         check_rod("cylinder", self.kind, self.bore_m, self.rod_diameter_m)
         return self
 
-    def core(self, ambient_k: float) -> Plain:
-        """Return the table in the core's form, in SI. A leakage of 0 is left out."""
-        out: Plain = {"rod_diameter_m": 0.0, "wall_temperature_k": ambient_k} | self.stored()
-        a, b = out.pop("dead_volume_m3")
-        out |= {"dead_volume_a_m3": a, "dead_volume_b_m3": b, "end_stop": self.end_stop.stored()}
-        left_out = {"heat_transfer_scale"} if "heat_transfer_w_m2_k" in out else set()
-        left_out |= set() if out["leakage_m3_s_pa"] else {"leakage_m3_s_pa"}
-        return {key: value for key, value in out.items() if key not in left_out}
-
     @property
     def area_a_m2(self) -> float:
         """Piston area in m2 on the side of chamber a."""
@@ -303,8 +289,6 @@ class FlowCoefficient(Quantity):
 
 
 SWITCHING = "switching-5/3"
-#: Keys of a switching valve, and keys of a proportional valve.
-_TIMES, _SHARES = ("time_on", "time_off"), ("overlap", "leakage", "command")
 
 
 class Valve(_DrivePart):
@@ -345,14 +329,14 @@ class Valve(_DrivePart):
             key, rule = "valve.critical_pressure_ratio", "a valve is given by C and b, or by a nominal flow, kv or cv"
             raise wrong(key, f"{key} is missing", rule=rule, remedy="Write critical_pressure_ratio = 0.3.")
         valve_flow.check_shape("valve", self.critical_pressure_ratio, self.linear_above)
-        own, others = (_TIMES, _SHARES) if self.is_switching else ((), _TIMES)
-        given = self.to_dict()
-        for key in others:
-            if key in given:
-                other = "proportional" if self.is_switching else "switching"
+        times = {"time_on": self.time_on_s, "time_off": self.time_off_s}
+        shape = {"overlap": self.overlap, "leakage": self.leakage, "command": self.command}
+        other = "proportional" if self.is_switching else "switching"
+        for key, value in (shape if self.is_switching else times).items():
+            if value is not None:
                 raise invalid(f"valve.{key}", "describe.of-other-valve", key=key, other=other, kind=self.kind)
-        for key in own:
-            if key not in given:
+        for key, value in times.items() if self.is_switching else ():
+            if value is None:
                 raise invalid(f"valve.{key}", "describe.no-switching-time", key=key)
         return self
 

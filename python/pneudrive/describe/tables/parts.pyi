@@ -90,7 +90,6 @@ class Supply(Described):
     pressure: units.Pressure
     temperature_k: MaybeTemperature
 
-    def core(self, ambient: Ambient) -> NamedNumbers: ...
     @property
     def temperature(self) -> _UnitFloat | None: ...
     def __init__(self, *, pressure: _Given | _Pressure, temperature: _Given | None = ...) -> None: ...
@@ -139,7 +138,6 @@ class Cylinder(_DrivePart):
     end_stop: EndStop
     chamber_law: Literal["energy-balance", "as-printed"]
 
-    def core(self, ambient_k: float) -> Plain: ...
     @property
     def area_a_m2(self) -> float: ...
     @property
@@ -188,8 +186,6 @@ class FlowCoefficient(Quantity):
     def schema(self) -> Plain: ...
 
 SWITCHING: str
-_TIMES: Incomplete
-_SHARES: Incomplete
 
 class Valve(_DrivePart):
     table_name: ClassVar[str]

@@ -414,7 +414,16 @@ def start_values(given: object) -> Keyed:
     >>> start_values("tank = 5 bar abs")
     {'tank': '5 bar abs'}
     """
-    given = _entries(given) if isinstance(given, str) else given
+    if isinstance(given, str):
+        entries: dict[str, str] = {}
+        for entry in filter(None, map(str.strip, given.split(","))):
+            key, equals, value = (part.strip() for part in entry.partition("="))
+            if not equals or not value:
+                raise CommandError.of("describe.start-without-key", entry=entry)
+            if key in entries:
+                raise CommandError(f"{key} is given twice in the initial state", remedy="Keep one of them.")
+            entries[key] = value
+        return entries
     if given is not None and not isinstance(given, Mapping):
         raise CommandError.of("describe.start-not-a-table", name=type(given).__name__)
     return given or {}
@@ -423,19 +432,6 @@ def start_values(given: object) -> Keyed:
 def start_table(given: object) -> Keyed:
     """Return a start state of a drive or a circuit as a table, with the given keys and quantities."""
     return given.to_dict() if hasattr(given, "to_dict") else start_values(given)  # type: ignore[union-attr]
-
-
-def _entries(text: str) -> dict[str, str]:
-    """Read ``key = quantity`` entries into a dict."""
-    given: dict[str, str] = {}
-    for entry in filter(None, map(str.strip, text.split(","))):
-        key, equals, value = (part.strip() for part in entry.partition("="))
-        if not equals or not value:
-            raise CommandError.of("describe.start-without-key", entry=entry)
-        if key in given:
-            raise CommandError(f"{key} is given twice in the initial state", remedy="Keep one of them.")
-        given[key] = value
-    return given
 
 
 def start_state(start: Initial, stroke_m: Any, ambient_pa: Any, ambient_k: Any) -> Plain:  # noqa: ANN401
@@ -447,12 +443,8 @@ def start_state(start: Initial, stroke_m: Any, ambient_pa: Any, ambient_k: Any) 
     stroke_m, ambient_pa, ambient_k : float or ndarray
         Stroke in m, absolute ambient pressure in Pa, and ambient temperature in K.
     """
-
-    def or_else(value: float | None, otherwise: Any) -> Any:  # noqa: ANN401
-        return otherwise if value is None else value
-
     state = {
-        "position_m": or_else(start.position_m, 0.5 * stroke_m),
+        "position_m": 0.5 * stroke_m if start.position_m is None else start.position_m,
         "velocity_m_s": start.velocity_m_s,
         "contact_age_s": start.contact_age_s,
     }
@@ -461,7 +453,7 @@ def start_state(start: Initial, stroke_m: Any, ambient_pa: Any, ambient_k: Any) 
         ("b", start.pressure_b, start.temperature_b_k),
     ):
         state[f"pressure_{chamber}_pa"] = ambient_pa if pressure is None else pressure.absolute_pa(ambient_pa)
-        state[f"temperature_{chamber}_k"] = or_else(temperature, ambient_k)
+        state[f"temperature_{chamber}_k"] = ambient_k if temperature is None else temperature
     return state
 
 
