@@ -22,7 +22,7 @@ from pneudrive import __version__
 from pneudrive.errors import CommandError, DescriptionError, nearest, package_table
 from pneudrive.files.content import check_file, rendered
 from pneudrive.files.writing import make_result_folder
-from pneudrive.fmu.variables import RTOL, FmuCode, FmuPlan, FmuVariable, plan_of
+from pneudrive.fmu.variables import RTOL, FmuPlan, FmuVariable, plan_of
 from pneudrive.repr_tables import Shown
 from pneudrive.simulation.simulate import require
 from pneudrive.simulation.start import DriveOrCircuit, StartState, check_tolerance
@@ -70,8 +70,6 @@ def exponents(unit: str) -> dict[str, int]:
 # --- modelDescription.xml of FMI 2.0 and 3.0.
 
 TEMPLATE = Path(__file__).with_name("modelDescription.xml.j2")
-#: Name of the library without its suffix, in every FMU.
-IDENTIFIER = "pneudrive"
 _STRUCTURED = re.compile(r"(der\()?[A-Za-z_]\w*(\.[A-Za-z_]\w*)*(\[\d+\])?\)?")
 #: Characters that are not allowed in XML, not even escaped.
 _FOREIGN = re.compile(r"[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
@@ -105,11 +103,10 @@ def description(plan: FmuPlan, version: str) -> bytes:
         plan=plan,
         version=version,
         is_two=version == "2.0",
-        library=IDENTIFIER,
         tool=f"pneudrive {__version__}",
         about=_ABOUT if plan.period_s is None else _ABOUT_LAW.format(period=plan.period_s),
         naming="structured" if is_structured else "flat",
-        files=() if plan.code is None else compiled_files(plan.code, version),
+        files=compiled_files(plan, version) if plan.code else (),
         units={one.unit: exponents(one.unit) for one in plan.variables},
         displayed=DISPLAYED,
         places=places,
@@ -121,17 +118,17 @@ def description(plan: FmuPlan, version: str) -> bytes:
     return _FOREIGN.sub("\ufffd", text).encode()
 
 
-def compiled_files(code: FmuCode, version: str) -> tuple[str, ...]:
+def compiled_files(plan: FmuPlan, version: str) -> tuple[str, ...]:
     """Return the names of the C files that a tool compiles."""
-    return (f"fmi{version[0]}.c", *(name for name, _ in code.files if name.endswith(".c")))
+    return (f"fmi{version[0]}.c", *(name for name, _ in plan.code if name.endswith(".c")))
 
 
-def build_description(code: FmuCode) -> bytes:
+def build_description(plan: FmuPlan) -> bytes:
     """Return sources/buildDescription.xml of FMI 3.0."""
     root = ElementTree.Element("fmiBuildDescription", fmiVersion="3.0")
-    build = ElementTree.SubElement(root, "BuildConfiguration", modelIdentifier=code.identifier)
+    build = ElementTree.SubElement(root, "BuildConfiguration", modelIdentifier=plan.identifier)
     files = ElementTree.SubElement(build, "SourceFileSet", language="C99")
-    for name in compiled_files(code, "3.0"):
+    for name in compiled_files(plan, "3.0"):
         ElementTree.SubElement(files, "SourceFile", name=name)
     ElementTree.indent(root)
     return ElementTree.tostring(root, encoding="utf-8", xml_declaration=True)
@@ -186,25 +183,25 @@ def read_fmu(path: Path) -> SeenFmu:
         raise
     except Exception as error:  # the exceptions of the archive and XML libraries for damaged bytes are not documented
         raise CommandError(f"{path.name} cannot be read as an FMU: {error}") from None
+    variables = []
+    for one in root.iterfind("ModelVariables/*"):
+        if one.get("causality") not in _SHOWN:
+            continue
+        # In FMI 2.0, unit and start are attributes of a type element.
+        typed = one if one.get("unit") is not None or not len(one) else one[0]
+        name, meaning, causality = (one.get(key, "") for key in ("name", "description", "causality"))
+        start = None
+        with suppress(ValueError):  # a text, a truth value, several numbers, or none
+            start = float(typed.get("start", ""))
+        variables.append(FmuVariable(name, typed.get("unit", ""), meaning, causality, {}, start))
     return SeenFmu(
         title=root.get("modelName", ""),
         tool=root.get("generationTool", ""),
         version=root.get("fmiVersion", ""),
         token=root.get("instantiationToken") or root.get("guid", ""),
         kinds=tuple(kind for kind in _KINDS if root.find(kind) is not None),
-        variables=tuple(_seen(one) for one in root.iterfind("ModelVariables/*") if one.get("causality") in _SHOWN),
+        variables=tuple(variables),
     )
-
-
-def _seen(one: ElementTree.Element) -> FmuVariable:
-    """Return a variable. In FMI 2.0, unit and start are attributes of a type element."""
-    typed = one if one.get("unit") is not None or not len(one) else one[0]
-    keys = ("name", "description", "causality")
-    name, meaning, causality = (one.get(key, "") for key in keys)
-    start = None
-    with suppress(ValueError):  # a text, a truth value, several numbers, or none
-        start = float(typed.get("start", ""))
-    return FmuVariable(name, typed.get("unit", ""), meaning, causality, {}, start)
 
 
 # --- The library inside every FMU and every C program of a drive.
@@ -311,15 +308,14 @@ _OPTIONS = ("-std=c99", "-O2", "-ffp-contract=off", "-fPIC", "-shared")
 
 def _variables(plan: FmuPlan) -> str:
     """Return the C header with the names of the model's variables for the interface."""
-    assert plan.code is not None
-    name = plan.code.identifier
+    name = plan.identifier
     counts = {kind: sum(one.causality == kind for one in plan.variables) for kind in ("input", "parameter", "output")}
     types = "".join(f"typedef {name}_{own} model_{own};\n" for own in ("input", "parameters", "output", "memory"))
     numbers = "".join(f"#define MODEL_{kind.upper()}S {count}\n" for kind, count in counts.items())
     return (
         f'/* Names of the controller {name} for its interface. */\n#include "{name}.h"\n\n{types}'
         f"{numbers}#define MODEL_STEP {name}_step\n#define MODEL_TUNED {name}_tuned\n"
-        f'#define MODEL_PERIOD {plan.code.period_s!r}\n#define MODEL_TOKEN "{plan.token}"\n'
+        f'#define MODEL_PERIOD {plan.period_s!r}\n#define MODEL_TOKEN "{plan.token}"\n'
     )
 
 
@@ -451,17 +447,17 @@ def check_fmu(path: str | Path, version: str) -> Path:
 def write_fmu(plan: FmuPlan, target: Path, version: str) -> FmuFile:
     """Write the description, and the plan with the library or the source code, as an archive."""
     suffix, *folders = PLATFORMS.get(sys.platform, PLATFORMS["linux"])
-    place = f"binaries/{folders[version != '2.0']}/{plan.code.identifier if plan.code else IDENTIFIER}{suffix}"
-    if plan.code is None:
+    place = f"binaries/{folders[version != '2.0']}/{plan.identifier}{suffix}"
+    if not plan.code:
         entries = [("resources/drive.json", plan.json().encode()), (place, binary_path().read_bytes())]
     else:  # without a C compiler no library is written, and the other tool compiles the code
-        files = {name: text.encode() for name, text in plan.code.files}
+        files = {name: text.encode() for name, text in plan.code}
         check = files.pop(_CHECK)
         files["variables.h"] = _variables(plan).encode()
         files |= {name: (_HERE / name).read_bytes() for name in ("instance.h", f"fmi{version[0]}.c")}
-        library = _compiled(files, compiled_files(plan.code, version))
+        library = _compiled(files, compiled_files(plan, version))
         if version != "2.0":
-            files["buildDescription.xml"] = build_description(plan.code)
+            files["buildDescription.xml"] = build_description(plan)
         entries = [(f"sources/{name}", content) for name, content in files.items()]
         entries.append((f"resources/{_CHECK}", check))
         entries += [] if library is None else [(place, library)]
@@ -516,17 +512,14 @@ def export_c(
     library = binary_path().read_bytes()
     make_result_folder(target)
     files = {PLAN: plan.json().encode(), HEADER: (own / HEADER).read_bytes(), binary_name(): library}
-    files[EXAMPLE] = _example((own / EXAMPLE).read_text("utf-8"), plan).encode()
-    for name, data in files.items():
-        with whole(target / name) as temporary:
-            temporary.write_bytes(data)
-    return tuple(target / name for name in (HEADER, binary_name(), PLAN, EXAMPLE))
-
-
-def _example(text: str, plan: FmuPlan) -> str:
-    """Return the example in C with the names of a plan: its commands, positions and pressures."""
+    # The example has the names of the drive: its commands, positions and pressures.
+    text = (own / EXAMPLE).read_text("utf-8")
     for kind, ends, table in (("input", ("command",), "COMMANDS"), ("output", ("position", "pressure"), "SHOWN")):
         chosen = [v.name for v in plan.variables if v.causality == kind and v.name.rpartition(".")[2].startswith(ends)]
         names = "".join(f'"{name}", ' for name in chosen)
         text = re.sub(rf"{table}\[\] = {{.*}}", f"{table}[] = {{{names}NULL}}", text)
-    return text
+    files[EXAMPLE] = text.encode()
+    for name, data in files.items():
+        with whole(target / name) as temporary:
+            temporary.write_bytes(data)
+    return tuple(target / name for name in (HEADER, binary_name(), PLAN, EXAMPLE))

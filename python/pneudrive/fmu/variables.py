@@ -67,24 +67,6 @@ TIME = FmuVariable("time", "s", "time", "independent", {"role": "time"})
 
 
 @dataclass(frozen=True)
-class FmuCode:
-    """Source code of an FMU: a controller in C99.
-
-    Attributes
-    ----------
-    identifier : str
-        Prefix of the names in the code.
-    files : tuple of (str, str)
-        Names and texts, including ``conformance.txt``, a file for checking a compiled copy.
-    period_s : float
-    """
-
-    identifier: str
-    files: tuple[tuple[str, str], ...]
-    period_s: float
-
-
-@dataclass(frozen=True)
 class FmuPlan:
     """Content of an FMU: a circuit, its start and its variables.
 
@@ -104,8 +86,13 @@ class FmuPlan:
         Warnings and assumed values of the description.
     law : dict or None
         A controller instead of a circuit, in the form of `pneudrive.control`.
-    code : FmuCode or None
-        Source code instead of the library.
+    period_s : float or None
+        Sampling period of a controller in s.
+    code : tuple of (str, str)
+        Source code of a controller in C99 instead of the library: names and texts of files, including
+        ``conformance.txt``, a file for checking a compiled copy.
+    identifier : str
+        Name of the library without its suffix, and prefix of the names in the source code.
     """
 
     title: str
@@ -116,14 +103,9 @@ class FmuPlan:
     is_actuator: bool = False
     notes: tuple[str, ...] = ()
     law: Plain | None = None
-    code: FmuCode | None = None
-
-    @property
-    def period_s(self) -> float | None:
-        """Sampling period of a controller in s."""
-        if self.code is not None:
-            return self.code.period_s
-        return None if self.law is None else self.law["controller"]["period_s"]
+    period_s: float | None = None
+    code: tuple[tuple[str, str], ...] = ()
+    identifier: str = "pneudrive"
 
     def json(self) -> str:
         """Return the plan in the form of the library, with its token."""
@@ -145,7 +127,7 @@ class FmuPlan:
         """Token that binds the description of an FMU to its plan: a hash of all data that affect a run."""
         roles = [[one.name, one.role, one.start] for one in self.variables]
         law = [] if self.law is None else [self.law]
-        law += [] if self.code is None else [self.code.files]
+        law += [self.code] if self.code else []
         text = json.dumps([self.form, self.start, self.rtol, roles, self.is_actuator, *law], sort_keys=True)
         return f"{{{uuid.UUID(hashlib.sha256(text.encode()).hexdigest()[:32])}}}"
 
