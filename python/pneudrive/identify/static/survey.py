@@ -153,7 +153,7 @@ class Survey(Shown):
         if not 0.0 < probability < 1.0:
             raise FitError("a probability lies between 0 and 1", value=f"probability = {probability}")
         if run is not None and run not in self.seals[seal].runs:
-            raise FitError(f"{seal} has no run {run!r}", remedy=nearest(run, self.seals[seal].runs))
+            raise FitError(f"{seal} has no run {run!r}", remedy=nearest(run, set(self.seals[seal].runs)))
         at, one = at_conditions(speed_m_s, gauge_a_pa, gauge_b_pa), self.seals[seal]
         shape = np.broadcast(speed_m_s, gauge_a_pa, gauge_b_pa).shape
         off = [np.abs(there - here.mean()) for there, here in zip(at.gauges_pa, one.data.gauges_pa, strict=True)]
