@@ -112,12 +112,6 @@ def test_wrong_tables_get_one_message(tmp_path, text, old, new, what, also):
     assert caught.value.where.startswith(str(tmp_path / "drive.toml"))
 
 
-def test_only_bristles_relax():
-    relaxation = {"share": 0.3, "time": "5 s", "distance": "0.2 mm"}
-    with pytest.raises(DescriptionError, match=r"needs elastic bristles.*\n.*lugre, elasto-plastic"):
-        pn.Friction(law="coulomb", coulomb="3 N", relaxation=relaxation)
-
-
 def test_the_schema_knows_the_tables_of_each_law():
     *built_in, default, own = drive_schema()["$defs"]["Friction"]["oneOf"]
     assert "law" not in default["properties"]

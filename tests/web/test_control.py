@@ -13,7 +13,9 @@ import polars as pl
 import pytest
 
 import pneudrive as pn
+from pneudrive.control.mismatch import ready_mismatches
 from pneudrive.control.scores import written
+from pneudrive.control.setup import ready_setups
 from pneudrive.errors import Cancelled, CommandError, PneudriveWarning
 from pneudrive.web.live import answer
 from pneudrive.web.workspace import Workspace
@@ -107,6 +109,10 @@ def test_a_controller_file_is_run_too(served: Served, monkeypatch: pytest.Monkey
     names = run_python(head["python"])
     assert np.array_equal(drawn["position_m"], names["run"].position.to_numpy())
     assert head["law"] == "inversion"
+    for key, name, ready in (("setup", "real", ready_setups()), ("mismatch", "mass+30", ready_mismatches())):
+        (served.folder / "own-copy.toml").write_text(ready[name].read_text("utf-8"))  # in a file, the same numbers
+        both = [asked(served, **{key: one})[1]["position_m"] for one in (name, "own-copy.toml")]
+        assert np.array_equal(*both), key
 
 
 @pytest.mark.parametrize(

@@ -113,13 +113,6 @@ def test_a_pilot_line_is_dashed_and_gas_is_not():
     assert not solid & {placed[name].port("12") for name in ("hold_a", "hold_b")}
 
 
-def test_what_a_coupling_moves_stands_to_its_right():
-    placed, *_ = arranged(held())
-    assert placed["axis"].x < placed["link"].x < placed["slide"].x
-    assert placed["axis"].port("rod")[1] == placed["link"].port("1")[1] == placed["slide"].port("1")[1]
-    assert placed["rubber"].y > placed["slide"].y
-
-
 def test_a_platform_is_drawn_above_its_cylinders_and_their_rods_do_not_cross():
     placed, joints, routes = arranged(CIRCUITS["tripod"]())
     top = placed["tripod"]

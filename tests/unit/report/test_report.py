@@ -13,7 +13,7 @@ import pytest
 
 import pneudrive as pn
 from pneudrive.characterise import characterise_recordings, load_recordings
-from pneudrive.figures import LOOKS, Drawing
+from pneudrive.figures import Drawing
 from pneudrive.friction.sentences import flag_table
 from pneudrive.identify.static.fit import fit_characterisation
 from pneudrive.report import render as style
@@ -117,14 +117,6 @@ def test_the_offset_that_exceeds_friction_is_said(page, real):
     assert f"larger than the friction in {', '.join(level.recording for level in larger)}" in page
 
 
-def test_what_is_real_and_what_cannot_be_determined_is_said(page):
-    assert "Synthetic:" not in page
-    assert "The recordings are taken as measured" in page
-    assert re.search(r"Budget of \S+ at [\d.]+ mm/s", page)
-    assert "cannot be determined" in page
-    assert "CC0" in page  # the note of the source beside the recordings
-
-
 # --- Whatever the recordings hold, there is a report: sections that have no data are left out.
 
 DATA = Path(__file__).resolve().parents[3] / "data" / "measurements" / "zillen-2021-pneumatic-piston"
@@ -210,12 +202,6 @@ def test_every_axis_says_its_quantity_and_unit(pictures):
             assert y.unit or y.names or picture.figure.share_y or picture.name == "paper-9-stop", picture.name
 
 
-def test_captions_are_sentences_and_synthetic_ones_are_marked(pictures):
-    for synthetic, picture in pictures:
-        assert picture.caption.endswith((".", "²."))
-        assert synthetic == picture.name.startswith(("recovered", "paper", "stick-slip", "chamber"))
-
-
 def test_text_of_a_user_is_never_a_formula(tmp_path):
     """Dollars around an unknown command end matplotlib with a traceback; around a known one they vanish."""
     name = r"a $\x$ b"
@@ -232,10 +218,6 @@ def test_text_of_a_user_is_never_a_formula(tmp_path):
         figure.savefig(tmp_path / "a.svg")  # labels of ticks are made here
     figure.savefig(tmp_path / "b.svg", metadata={"Date": None})
     assert not any("$" in text.get_text() for text in axis.get_xticklabels(which="both"))
-
-
-def test_looks_differ_without_colour():
-    assert len({(str(look.dash), look.marker) for look in LOOKS}) == len(LOOKS)
 
 
 def test_equal_data_give_equal_files(real):

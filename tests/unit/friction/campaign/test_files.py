@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 
 import numpy as np
@@ -9,7 +10,7 @@ import polars as pl
 import pytest
 
 import pneudrive as pn
-from oracle.campaigns import BAR, Friction, World, write_campaign
+from oracle.campaigns import BAR, Friction, World, rewrite, write_campaign
 from oracle.stop_campaigns import StopWorld, write_stops
 from pneudrive.characterise import read_map
 from pneudrive.characteristics import campaign_friction, fit_campaign, write_characteristics
@@ -152,3 +153,25 @@ def test_a_large_campaign_is_condensed_and_says_the_same(quick, tmp_path, monkey
         assert (b.high_n - b.low_n)[a.measured] / 2.0 == pytest.approx(reach[a.measured], rel=0.4)
         assert b.cycles.tolist() == a.cycles.tolist()
     assert condensed.repeatability.within.value == pytest.approx(whole.repeatability.within.value, rel=0.3)
+
+
+def test_forces_in_another_unit_scale_all_of_a_result(quick, tmp_path, monkeypatch):
+    """Eight times every force and its sensor make eight times each curve, band and scatter, condensed or not."""
+    from pneudrive.friction.campaign import points
+
+    world = quick(repeats=6, cycle_share=1e-3, drift_share=0.02, gauges_pa=((0.0, 0.0),), zero_n=1.0)
+    one, other = (write_campaign(tmp_path / name, world, 3) for name in ("one", "other"))
+    for path in (other / "cycles").glob("*.parquet"):
+        rewrite(path, lambda frame: frame.with_columns(pl.col("force_n") * 8.0))
+    rig = json.loads((other / "rig.json").read_text())
+    rig["limits"]["force_n"] = [8.0 * end for end in rig["limits"]["force_n"]]
+    rig["accuracy"]["force_n"] *= 8.0
+    (other / "rig.json").write_text(json.dumps(rig))
+    for most in (points.MOST_CYCLES, 30):
+        monkeypatch.setattr(points, "MOST_CYCLES", most)
+        found, scaled = (campaign_friction(folder, processes=1) for folder in (one, other))
+        for a, b in zip(found.curves, scaled.curves, strict=True):
+            for name in ("friction_n", "low_n", "high_n"):
+                assert getattr(b, name) / 8.0 == pytest.approx(getattr(a, name), rel=1e-3), (most, name)
+        assert scaled.repeatability.within.value == pytest.approx(8.0 * found.repeatability.within.value, rel=0.01)
+        assert scaled.zero.zero_n == pytest.approx(8.0 * found.zero.zero_n, rel=0.01)
