@@ -448,7 +448,8 @@ def _drawing(mark: Drawing, axis: Axes, x: Axis, y: Axis) -> Handle:
         if stroke.text:
             across, _, up = stroke.align.partition(" ")
             place: Plain = {"ha": across, "va": up or "center", "fontweight": "bold" if stroke.bold else "normal"}
-            axis.text(*points.reshape(-1, 2)[0], stroke.text, fontsize=stroke.size, color=color, **place)
+            left, base = points.reshape(-1, 2)[0]
+            axis.text(left, base, stroke.text, fontsize=stroke.size, color=color, **place)
             continue
         if stroke.fill:
             face = {"facecolor": ink(stroke.fill), "alpha": stroke.tint}
