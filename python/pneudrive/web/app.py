@@ -17,7 +17,6 @@ from inspect import Parameter, signature
 from mimetypes import guess_type
 from typing import TYPE_CHECKING, Any
 
-from pydantic import create_model
 from starlette.applications import Starlette
 from starlette.requests import ClientDisconnect, Request
 from starlette.responses import JSONResponse, Response
@@ -32,7 +31,7 @@ from pneudrive.web.drop import take
 from pneudrive.web.guard import DROP, REPORTS, new_token
 from pneudrive.web.jobs import READY, JobRequest, PageJobs
 from pneudrive.web.live import live
-from pneudrive.web.messages import PageRequest, page_error, problems_of, table_of
+from pneudrive.web.messages import PageRequest, page_error, problems_of, request_of, table_of
 from pneudrive.web.workspace import MOST_FILES, ChangedError, Workspace
 
 if TYPE_CHECKING:
@@ -113,7 +112,12 @@ def _route(name: str, function: str, known: Keyed) -> Route:
         body = await request.body()
         try:
             answer = await asyncio.to_thread(_answer, function, query, None if method == "GET" else body, known)
-            return Response(answer, media_type=FRAME) if isinstance(answer, bytes) else _json(answer)
+            if isinstance(answer, bytes):
+                return Response(answer, media_type=FRAME)
+            try:
+                return JSONResponse({} if answer is None else answer)
+            except (TypeError, ValueError):  # arrays and records become plain data, infinite values and NaN null
+                return JSONResponse(plain_data(answer))
         except ChangedError as changed:
             there = {"text": changed.text, "sha256": changed.version}
             return JSONResponse({"problems": problems_of(CommandError(str(changed))), **there}, status_code=412)
@@ -145,20 +149,7 @@ def _door(name: str) -> tuple[Callable[..., Any], Mapping[str, Parameter], type[
     module, _, function = name.partition(":")
     found = getattr(import_module(f"pneudrive.web.{module}"), function)
     parameters = signature(found, eval_str=True).parameters
-    fields: Plain = {
-        key: (each.annotation, ... if each.default is each.empty else each.default)
-        for key, each in parameters.items()
-        if key not in ("workspace", "control", "build", "given")
-    }
-    return found, parameters, create_model(function, __base__=PageRequest, **fields)
-
-
-def _json(answer: Any) -> JSONResponse:  # noqa: ANN401 - plain data
-    """Return an answer as JSON. Arrays and records become plain data. Infinite values and NaN become null."""
-    try:
-        return JSONResponse({} if answer is None else answer)
-    except (TypeError, ValueError):
-        return JSONResponse(plain_data(answer))
+    return found, parameters, request_of(found, "workspace", "control", "build", "given")
 
 
 def _problems(error: PneudriveError, status: int = 400) -> JSONResponse:

@@ -90,7 +90,7 @@ class Guard:
     sockets: int = field(default=0, init=False)
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Check a request, then pass it to the application."""
+        """Check a request, then pass it to the application. The answer gets the security headers."""
         if scope["type"] not in ("http", "websocket"):
             await self.app(scope, receive, send)
             return
@@ -99,14 +99,35 @@ class Guard:
         except RefusedError as refused:
             await _refuse(scope, receive, send, refused)
             return
-        if scope["type"] == "http":
-            await self._http(scope, receive, send)
+        if scope["type"] == "websocket":
+            self.sockets += 1
+            try:
+                await self.app(scope, receive, send)
+            finally:
+                self.sockets -= 1
             return
-        self.sockets += 1
-        try:
-            await self.app(scope, receive, send)
-        finally:
-            self.sockets -= 1
+        body, is_more = b"", not _is_drop(scope)
+        while is_more:  # the whole body is read, up to a limit
+            message = await receive()
+            if message["type"] != "http.request":  # the client went
+                return
+            body, is_more = body + message.get("body", b""), message.get("more_body", False)
+            if len(body) > MOST_BODY:
+                await _refuse(scope, receive, send, RefusedError(413, TOO_LONG))
+                return
+        whole = iter([] if _is_drop(scope) else [{"type": "http.request", "body": body, "more_body": False}])
+
+        async def with_body() -> Message:
+            return next(whole, None) or await receive()
+
+        async def with_headers(message: Message) -> None:
+            if message["type"] == "http.response.start":
+                own = list(message.get("headers", ()))
+                names = {name for name, _ in own}
+                message = {**message, "headers": [*own, *(one for one in HEADERS if one[0] not in names)]}
+            await send(message)
+
+        await self.app(scope, with_body, with_headers)
 
     def check(self, scope: Scope) -> None:
         """Raise `RefusedError` for a request that is not from this page of this user."""
@@ -129,55 +150,26 @@ class Guard:
             raise RefusedError(403, "the request comes from another site")
         if is_socket and self.sockets >= MOST_SOCKETS:
             raise RefusedError(503, f"{MOST_SOCKETS} sockets are open")
-        self._check_token(scope, is_socket=is_socket)
+        path, token = scope["path"], ""
+        is_open = not is_socket and (path in self.open_paths or self._is_report(path))
+        if is_socket:
+            token = next((p for p in scope.get("subprotocols", ()) if p.startswith(TOKEN_PROTOCOL)), "")
+            token = token.removeprefix(TOKEN_PROTOCOL)
+        elif not is_open:
+            scheme, _, token = (_header(scope, "authorization") or "").partition(" ")
+            token = token if scheme == "Bearer" else ""
+        if not is_open and not hmac.compare_digest(token.encode("utf-8", "replace"), self.token.encode()):
+            raise RefusedError(401, "the token is missing or wrong: open the address that the server printed")
         length = _header(scope, "content-length")
         is_number = length is not None and length.isascii() and length.isdigit()
         if length is not None and not (is_number and (_is_drop(scope) or int(length) <= MOST_BODY)):
             raise RefusedError(413, TOO_LONG)
-
-    def _check_token(self, scope: Scope, *, is_socket: bool) -> None:
-        path = scope["path"]
-        if is_socket:
-            given = next((p for p in scope.get("subprotocols", ()) if p.startswith(TOKEN_PROTOCOL)), "")
-            given = given.removeprefix(TOKEN_PROTOCOL)
-        elif path in self.open_paths or self._is_report(path):
-            return
-        else:
-            scheme, _, given = (_header(scope, "authorization") or "").partition(" ")
-            given = given if scheme == "Bearer" else ""
-        if not hmac.compare_digest(given.encode("utf-8", "replace"), self.token.encode()):
-            raise RefusedError(401, "the token is missing or wrong: open the address that the server printed")
 
     def _is_report(self, path: str) -> bool:
         """Return whether an address contains the secret of a report."""
         given = path.removeprefix(REPORTS).partition("/")[0] if path.startswith(REPORTS) else ""
         found = [hmac.compare_digest(given.encode("utf-8", "replace"), one.encode()) for one in list(self.reports)]
         return any(found)
-
-    async def _http(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Read the whole body up to a limit, then pass the request on. Add the security headers."""
-        body, is_more = b"", not _is_drop(scope)
-        while is_more:
-            message = await receive()
-            if message["type"] != "http.request":  # the client went
-                return
-            body, is_more = body + message.get("body", b""), message.get("more_body", False)
-            if len(body) > MOST_BODY:
-                await _refuse(scope, receive, send, RefusedError(413, TOO_LONG))
-                return
-        whole = iter([] if _is_drop(scope) else [{"type": "http.request", "body": body, "more_body": False}])
-
-        async def with_body() -> Message:
-            return next(whole, None) or await receive()
-
-        async def with_headers(message: Message) -> None:
-            if message["type"] == "http.response.start":
-                own = list(message.get("headers", ()))
-                names = {name for name, _ in own}
-                message = {**message, "headers": [*own, *(one for one in HEADERS if one[0] not in names)]}
-            await send(message)
-
-        await self.app(scope, with_body, with_headers)
 
 
 def _is_drop(scope: Scope) -> bool:
@@ -235,7 +227,11 @@ class Site:
     """
 
     def __init__(self, files: Mapping[str, bytes], routes: Future[App]) -> None:
-        self.answers = {name: (_file_headers(name, data), data) for name, data in files.items()}
+        self.answers: dict[str, tuple[list[tuple[bytes, bytes]], bytes]] = {}
+        for name, data in files.items():
+            kind = TYPES.get(PurePosixPath(name).suffix) or guess_type(name)[0] or "application/octet-stream"
+            own = [(b"content-type", kind.encode()), (b"content-length", str(len(data)).encode())]
+            self.answers[name] = [*own, *(KEPT if name.startswith(HASHED) else [])], data
         self.answers["/"] = self.answers["/index.html"]
         self.routes = routes
         routes.set_running_or_notify_cancel()  # a browser that leaves while waiting does not cancel the start
@@ -251,9 +247,3 @@ class Site:
 
         app = await wrap_future(self.routes)
         await app(scope, receive, send)
-
-
-def _file_headers(name: str, data: bytes) -> list[tuple[bytes, bytes]]:
-    kind = TYPES.get(PurePosixPath(name).suffix) or guess_type(name)[0] or "application/octet-stream"
-    own = [(b"content-type", kind.encode()), (b"content-length", str(len(data)).encode())]
-    return [*own, *(KEPT if name.startswith(HASHED) else [])]

@@ -95,17 +95,17 @@ class Lineage:
         """Return the inputs of a file, each with its present file."""
         if path not in self._edges:
             inputs = self._read(_inputs, path, self.files[path].kind) if path in self.files else None
-            self._edges[path] = [self._edge(one, path) for one in inputs or ()]
+            edges = []
+            for one in inputs or ():
+                place = self._path(one, path)
+                state = NAMED if place else MISSING
+                if place and one.sha256:
+                    digests = self._digests(one.kind, place, path)
+                    changed = DIFFERS if one.kind == "drive" and self.files[path].kind == "recording" else CHANGED
+                    state = SAME if one.sha256 in digests else changed if digests else UNREAD
+                edges.append(replace(one, path=place, state=state))
+            self._edges[path] = edges
         return self._edges[path]
-
-    def _edge(self, one: Edge, of: str) -> Edge:
-        path = self._path(one, of)
-        state = NAMED if path else MISSING
-        if path and one.sha256:
-            digests = self._digests(one.kind, path, of)
-            changed = DIFFERS if one.kind == "drive" and self.files[of].kind == "recording" else CHANGED
-            state = SAME if one.sha256 in digests else changed if digests else UNREAD
-        return replace(one, path=path, state=state)
 
     def _path(self, one: Edge, of: str) -> str:
         """Return the file of an input in the folder of the result or in the workspace. A recording is found by name."""
@@ -170,7 +170,7 @@ class Lineage:
     def results(self) -> list[str]:
         """Return all files that can have inputs, the newest first, with recordings in Parquet only."""
         runs = (file for file in self.files.values() if file.kind != "recording" or file.path.endswith(".parquet"))
-        return [file.path for file in runs if file.kind in ABOUT]
+        return [file.path for file in runs if file.kind in RESULT_KINDS]
 
     def again(self, path: str) -> Plain | None:
         """Return the request that repeats a result with the present inputs, or None if this is not possible."""
@@ -252,49 +252,34 @@ def _hashes(path: Path, kind: str, workspace: Workspace) -> Collection[str]:
 def _inputs(path: Path, kind: str) -> tuple[Edge, ...]:
     """Return the inputs that a file lists; empty for a file that is not a result."""
     try:
-        about = ABOUT[kind](path) if kind in ABOUT else {}
-        inputs = _EDGES.validate_python(about.get(INPUTS, []))
+        inputs = _EDGES.validate_python(_provenance(path, kind).get(INPUTS, []))
     except (PneudriveError, *OF_DAMAGE):
         return ()
     return tuple(dict.fromkeys(inputs))[:MOST_INPUTS]
 
 
-def _of_toml(path: Path) -> Plain:
-    return toml.read(path, CommandError)[0]["provenance"]
+#: Kinds of files with a provenance.
+RESULT_KINDS = ("drive", "fit", "validation", "friction map", "recording", "comparison", "campaign")
 
 
-def _of_drive(path: Path) -> Plain:
-    origins = toml.read(path, CommandError)[0].get("provenance", {}).values()
-    fitted = (one for one in origins if one.get("fit"))
-    return {INPUTS: [Edge("fit", one["source"], one.get("file", ""), one["fit"]) for one in fitted]}
-
-
-def _of_map(path: Path) -> Plain:
-    table = read_map(path)
-    names = dict.fromkeys(table["recording"].to_numpy().tolist())
-    return {INPUTS: table.attrs[INPUTS] or [Edge("recording", name) for name in names]}
-
-
-def _of_run(path: Path) -> Plain:
-    is_run = path.suffix == ".parquet" and columns_in(path, NEEDED)
-    return json.loads(open_table(path, "parquet").metadata.get("pneudrive", "{}")) if is_run else {}
-
-
-#: Kind of a file -> function that returns its provenance.
-ABOUT: dict[str, Callable[[Path], Plain]] = {
-    "drive": _of_drive,
-    "fit": _of_toml,
-    "validation": _of_toml,
-    "friction map": _of_map,
-    "recording": _of_run,
-    "comparison": lambda path: read_json(path / COMPARISON, CommandError),
-    "campaign": lambda path: read_json(path / CAMPAIGN, CommandError),
-}
-
-
-def recordings_of_map(workspace: Workspace, path: str) -> dict[str, str]:
-    """Return the files of a friction map's recordings by their names, if they are known."""
-    return {edge.name: edge.path for edge in Lineage(workspace).edges(path) if edge.path}
+def _provenance(path: Path, kind: str) -> Plain:
+    """Return the provenance of a file; empty for a file that is not a result."""
+    match kind:
+        case "drive":
+            origins = toml.read(path, CommandError)[0].get("provenance", {}).values()
+            fitted = (one for one in origins if one.get("fit"))
+            return {INPUTS: [Edge("fit", one["source"], one.get("file", ""), one["fit"]) for one in fitted]}
+        case "fit" | "validation":
+            return toml.read(path, CommandError)[0]["provenance"]
+        case "friction map":
+            table = read_map(path)
+            names = dict.fromkeys(table["recording"].to_numpy().tolist())
+            return {INPUTS: table.attrs[INPUTS] or [Edge("recording", name) for name in names]}
+        case "recording" if path.suffix == ".parquet" and columns_in(path, NEEDED):
+            return json.loads(open_table(path, "parquet").metadata.get("pneudrive", "{}"))
+        case "comparison" | "campaign":
+            return read_json(path / (COMPARISON if kind == "comparison" else CAMPAIGN), CommandError)
+    return {}
 
 
 def shown_lineage(workspace: Workspace, path: str) -> Plain:

@@ -10,17 +10,17 @@ from functools import lru_cache
 import numpy as np
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
-from pneudrive.arrays import Keyed, Plain
+from pneudrive.arrays import Plain
 from pneudrive.errors import Cancelled, CommandError, PneudriveError, package_table
 from pneudrive.simulation.run_view import run_view
 from pneudrive.simulation.trajectory import meaning
 from pneudrive.units import readable
 from pneudrive.views import SentValue
 from pneudrive.web.drive.beside import ExtrasRequest
-from pneudrive.web.drive.run_request import Run, RunLimit
+from pneudrive.web.drive.run_request import Run, RunLimit, described_at, with_changes
 from pneudrive.web.guard import PROTOCOL
 from pneudrive.web.measured.tiles import drawn_columns
-from pneudrive.web.messages import pack, page_error, problems_of, table_of
+from pneudrive.web.messages import pack, page_error, problems_of, request_of, table_of
 from pneudrive.web.workspace import Workspace
 
 #: Panels of the page: quantity of the columns in it, its SI unit, and its title.
@@ -81,14 +81,15 @@ def answer(workspace: Workspace, message: str, limit: RunLimit | None = None) ->
             case "validation":
                 from pneudrive.web.measured import validation
 
-                return validation.frame_of(workspace, asked, number)
-        request = ExtrasRequest.of(asked)
-        described = request.described(workspace)
-        run = request.run(workspace, described, limit)
+                request = request_of(validation.frame_of, "workspace").of(asked)
+                return validation.frame_of(workspace, **vars(request))
+        extras = ExtrasRequest.of(asked)
+        described = with_changes(described_at(workspace, extras.path, extras.text), extras.changes)
+        run = extras.run(workspace, described, limit)
         panels = panels_of(run)
         shown = [curve["column"] for panel in panels for curve in panel["curves"]]
-        head, arrays = request.answer(workspace, described, run, shown, limit)
-        return frame_of(run, panels, request.pixels, {"number": number, "path": path, **head}, arrays)
+        head, arrays = extras.answer(workspace, described, run, shown, limit)
+        return frame_of(run, panels, extras.pixels, {"number": number, "path": path, **head}, arrays)
     except Cancelled:
         error: PneudriveError = CommandError(
             f"the run took longer than {limit.seconds:g} s on the clock",
@@ -121,25 +122,21 @@ def frame_of(run: Run, panels: Sequence[Plain], pixels: int, head: Plain, beside
     impacts = about["impacts"]
     told = {"warnings": about["warnings"], "impacts": impacts[:MOST_IMPACTS], "assumed": len(about["assumed"])}
     told["more_impacts"] = len(impacts) - len(told["impacts"])
-    told["events"] = events_of(run, impacts)
-    # Air needs the gas of the description, which the run does not have.
-    told["leading"] = [SentValue.of(one) for one in run_view(run.columns, about).leading if one.key != "air"]
-    ends = {name: values[-1] for name, values in columns.items()}
-    head |= {**told, "panels": panels, "ends": ends, "samples": len(columns["time_s"])}
-    return pack(head, {**drawn_columns(columns, pixels), **beside})
-
-
-def events_of(run: Run, impacts: Sequence[Keyed]) -> list[Plain]:
-    """Return the moments that the page marks above the curves: impacts, reversals and stops."""
-    time, out = run.columns["time_s"], [(one["time_s"], f"impact, end {one['end']}") for one in impacts]
+    # Moments that the page marks above the curves: impacts, reversals and stops.
+    time, events = run.columns["time_s"], [(one["time_s"], f"impact, end {one['end']}") for one in impacts]
     for name in (column for column in run.columns if _quantity(column) == ("velocity", "m/s")):
         speed = run.columns[name]
         sign = np.sign(np.where(np.abs(speed) > AT_REST_M_S, speed, 0.0))
         moving = np.flatnonzero(sign)
         turns = moving[1:][np.diff(sign[moving]) != 0]
         gaps = np.flatnonzero(np.diff(moving) > LONG_REST)
-        out += [(time[at], "reversal") for at in turns] + [(time[moving[at] + 1], "rest") for at in gaps]
-    return [{"time_s": at, "what": what} for at, what in sorted(set(out))[:MOST_EVENTS]]
+        events += [(time[at], "reversal") for at in turns] + [(time[moving[at] + 1], "rest") for at in gaps]
+    told["events"] = [{"time_s": at, "what": what} for at, what in sorted(set(events))[:MOST_EVENTS]]
+    # Air needs the gas of the description, which the run does not have.
+    told["leading"] = [SentValue.of(one) for one in run_view(run.columns, about).leading if one.key != "air"]
+    ends = {name: values[-1] for name, values in columns.items()}
+    head |= {**told, "panels": panels, "ends": ends, "samples": len(columns["time_s"])}
+    return pack(head, {**drawn_columns(columns, pixels), **beside})
 
 
 @lru_cache(maxsize=4096)

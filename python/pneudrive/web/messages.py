@@ -10,10 +10,13 @@ import json
 import shlex
 import struct
 import zlib
+from functools import cache
+from inspect import signature
 from traceback import print_exception
 from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
+import pydantic
 from pydantic import AfterValidator, BaseModel, FiniteFloat, StrictInt, StrictStr, ValidationError, WrapValidator
 
 from pneudrive.arrays import Keyed, Plain
@@ -22,6 +25,8 @@ from pneudrive.figures import plain_data
 from pneudrive.web.workspace import safe
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from typing_extensions import Self
 
 ALIGNED = 8
@@ -148,6 +153,17 @@ class PageRequest(BaseModel):
             return cls.model_validate(given)
         except ValidationError:
             raise wrong_request() from None
+
+
+@cache
+def request_of(function: Callable[..., Any], *known: str) -> type[PageRequest]:
+    """Return the model of the parameters of a function that come from a request: all but those in `known`."""
+    fields: Plain = {
+        key: (each.annotation, ... if each.default is each.empty else each.default)
+        for key, each in signature(function, eval_str=True).parameters.items()
+        if key not in known
+    }
+    return pydantic.create_model(function.__name__, __base__=PageRequest, **fields)
 
 
 def table_of(request: str | bytes) -> Plain:

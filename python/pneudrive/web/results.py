@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from contextlib import suppress
 from typing import Any
 
@@ -55,67 +54,49 @@ VERDICTS: dict[State, str] = {"good": "in order", "open": "open", "bad": "needs 
 
 
 def headlines(workspace: Workspace) -> Plain:
-    """Return a line for each of the newest files, by their names."""
+    """Return a line for each of the newest files, by their names. Other files have an empty line or none."""
     out = {}
-    for one in sorted(workspace.files(), key=lambda one: -one.changed)[:MOST_FILES]:
+    for file in sorted(workspace.files(), key=lambda file: -file.changed)[:MOST_FILES]:
         with suppress(PneudriveError, *OF_DAMAGE):  # the view of the file says why
-            if line := LINES.get(one.kind):
-                out[one.path] = line(workspace, one.path)
+            line = _line(workspace, file.path, file.kind)
+            if line is not None:
+                out[file.path] = line
     return out
 
 
-def _of_drive(workspace: Workspace, path: str) -> str:
-    found = described_at(workspace, path)
-    if not isinstance(found, Drive):
-        return f"{found.name}: {len(found.components)} components"
-    cylinder = found.cylinder
-    return f"{found.name}: bore {1e3 * cylinder.bore_m:.4g} mm, stroke {1e3 * cylinder.stroke_m:.4g} mm"
-
-
-def _of_recording(workspace: Workspace, path: str) -> str:
-    """Return the seal, mounting and drive of a recording, by its layout."""
-    place = workspace.path(path)
-    layout = layout_in(workspace, place)
-    return "" if layout is None else group_of(layout.for_file(place, layout.kind).labels).removeprefix(ALL_RECORDINGS)
-
-
-def _of_view(workspace: Workspace, path: str) -> str:
-    """Return the first leading values of a result with their limits, or its headline, and its verdict in one word."""
-    view = results.view_of(load_at(workspace, path))
-    is_judged = view.state != "good" or any(one.limit is not None for one in view.leading)
-    word = f": {VERDICTS[view.state]}" if is_judged else ""
-    return (", ".join(one.sentence for one in view.leading[:MOST_VALUES]) or view.title) + word
-
-
-def _of_sizing(workspace: Workspace, path: str) -> str:
-    folder = workspace.folder(path)
-    return SizingResult.load(folder).answer.partition(":")[0] if (folder / SUMMARY).is_file() else "not finished"
-
-
-def _of_task(workspace: Workspace, path: str) -> str:
-    task = SizingTask.load(workspace.path(path))
-    return f"{task.name}: {task.mass_kg:.4g} kg, {1e3 * task.stroke_m:.4g} mm in {task.outward_s:.4g} s"
-
-
-def _of_campaign(workspace: Workspace, path: str) -> str:
-    folder = workspace.folder(path)
-    about = read_json(folder / ABOUT, PneudriveError)
-    return f"{about.get('name') or folder.name}: {sum(1 for _ in (folder / CYCLES).glob('*.parquet'))} cycles"
-
-
-def _of_fmu(workspace: Workspace, path: str) -> str:
-    fmu = read_fmu(workspace.path(path))
-    return f"{fmu.title}, FMI {fmu.version}"
-
-
-#: Kind of a file -> function that returns its line.
-LINES: dict[str, Callable[[Workspace, str], str]] = {
-    "drive": _of_drive,
-    "circuit": _of_drive,
-    "recording": _of_recording,
-    "sizing": _of_sizing,
-    "task": _of_task,
-    "fmu": _of_fmu,
-    "campaign": _of_campaign,
-    **dict.fromkeys(("fit", "friction map", "validation", "comparison"), _of_view),
-}
+def _line(workspace: Workspace, path: str, kind: str) -> str | None:
+    """Return the line of a file or folder of a kind; None for a kind without a line."""
+    match kind:
+        case "drive" | "circuit":
+            found = described_at(workspace, path)
+            if not isinstance(found, Drive):
+                return f"{found.name}: {len(found.components)} components"
+            cylinder = found.cylinder
+            return f"{found.name}: bore {1e3 * cylinder.bore_m:.4g} mm, stroke {1e3 * cylinder.stroke_m:.4g} mm"
+        case "recording":  # seal, mounting and drive, by its layout
+            place = workspace.path(path)
+            layout = layout_in(workspace, place)
+            group = "" if layout is None else group_of(layout.for_file(place, layout.kind).labels)
+            return group.removeprefix(ALL_RECORDINGS)
+        case "fit" | "friction map" | "validation" | "comparison":
+            # The first leading values with their limits, or the headline, and the verdict in one word.
+            view = results.view_of(load_at(workspace, path))
+            is_judged = view.state != "good" or any(one.limit is not None for one in view.leading)
+            word = f": {VERDICTS[view.state]}" if is_judged else ""
+            return (", ".join(one.sentence for one in view.leading[:MOST_VALUES]) or view.title) + word
+        case "sizing":
+            folder = workspace.folder(path)
+            is_finished = (folder / SUMMARY).is_file()
+            return SizingResult.load(folder).answer.partition(":")[0] if is_finished else "not finished"
+        case "task":
+            task = SizingTask.load(workspace.path(path))
+            return f"{task.name}: {task.mass_kg:.4g} kg, {1e3 * task.stroke_m:.4g} mm in {task.outward_s:.4g} s"
+        case "campaign":
+            folder = workspace.folder(path)
+            about = read_json(folder / ABOUT, PneudriveError)
+            count = sum(1 for _ in (folder / CYCLES).glob("*.parquet"))
+            return f"{about.get('name') or folder.name}: {count} cycles"
+        case "fmu":
+            fmu = read_fmu(workspace.path(path))
+            return f"{fmu.title}, FMI {fmu.version}"
+    return None

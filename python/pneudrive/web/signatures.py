@@ -229,26 +229,23 @@ SIGNATURES = {
 
 def forms(workspace: Workspace) -> Plain:
     """Return the form of each command. A field of recordings offers recordings that have the needed channels."""
-    offered = {hint: [(path, path) for path in _offered(workspace, hint)] for hint in ("rig", "")}
+    files, offered = workspace.files(), Plain()
+    validations = {dirname(file.path) for file in files if file.kind == "validation"}
+    for hint in ("rig", ""):
+        paths = offered[hint] = []
+        for file in files:
+            # The runs of a validation are not offered.
+            is_run = basename(file.path).startswith("run-") and dirname(file.path) in validations
+            if file.kind == "recording" and not is_run and len(paths) < MOST_RECORDINGS:
+                with suppress(PneudriveError):  # a damaged file, too, is not offered
+                    _check_channels(file.path, workspace, hint)
+                    paths.append((file.path, file.path))
 
     def about(field: CommandInput) -> Plain:
         return vars(field) | ({"choices": offered[field.hint]} if field.kind == "recordings" else {})
 
     fields = {kind: list(map(about, of["inputs"])) for kind, of in SIGNATURES.items()}
     return {kind: {"title": SIGNATURES[kind]["title"], "fields": own} for kind, own in fields.items()}
-
-
-def _offered(workspace: Workspace, hint: str) -> list[str]:
-    """Return the recordings with the channels of a command, without the runs of validations."""
-    paths, files = [], workspace.files()
-    validations = {dirname(file.path) for file in files if file.kind == "validation"}
-    for file in files:
-        is_run = basename(file.path).startswith("run-") and dirname(file.path) in validations
-        if file.kind == "recording" and not is_run and len(paths) < MOST_RECORDINGS:
-            with suppress(PneudriveError):  # a damaged file, too, is not offered
-                _check_channels(file.path, workspace, hint)
-                paths.append(file.path)
-    return paths
 
 
 def copied_job(workspace: Workspace, given: Plain) -> Plain:

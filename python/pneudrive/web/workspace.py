@@ -302,7 +302,12 @@ def cache_folder() -> Path:
 
     Without a writable home folder, `log_folder` is returned.
     """
-    folder = _user_cache() / "pneudrive" / "page"
+    if sys.platform == "darwin":
+        cache = Path.home() / "Library" / "Caches"
+    else:
+        named = os.environ.get("LOCALAPPDATA" if sys.platform == "win32" else "XDG_CACHE_HOME", "")
+        cache = Path(named) if Path(named).is_absolute() else Path.home() / ".cache"
+    folder = cache / "pneudrive" / "page"
     try:
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
         is_ours = not hasattr(os, "getuid") or folder.stat().st_uid == os.getuid()
@@ -328,11 +333,3 @@ def log_folder() -> Path:
     folder = tempfile.mkdtemp(prefix="pneudrive-")
     atexit.register(shutil.rmtree, folder, ignore_errors=True)
     return Path(folder).resolve()
-
-
-def _user_cache() -> Path:
-    """Return the cache folder of this user. Its files can be deleted and made again."""
-    if sys.platform == "darwin":
-        return Path.home() / "Library" / "Caches"
-    named = os.environ.get("LOCALAPPDATA" if sys.platform == "win32" else "XDG_CACHE_HOME", "")
-    return Path(named) if Path(named).is_absolute() else Path.home() / ".cache"

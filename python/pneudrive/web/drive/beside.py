@@ -28,8 +28,7 @@ from pneudrive.web.workspace import DESCRIPTIONS, NewNames, Workspace, is_in_cat
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
-    from pneudrive.arrays import Array, Columns, Ints, Plain
-    from pneudrive.ensemble.many import EnsembleStudy
+    from pneudrive.arrays import Columns, Ints, Plain
 
 MOST_OTHERS = 7  # with the run itself, as many as there are line styles
 MEMBERS, BAND_SAMPLES = 200, 200  # samples of a band: its plot is about 400 pixels wide
@@ -147,13 +146,25 @@ class ExtrasRequest(RunRequest):
             described,
             self.command_of(described, workspace),
             self.duration,
-            vary=design_of(self._vary(), MEMBERS),
-            outputs=self._outputs(shown),
+            vary=design_of(self.vary, MEMBERS),
+            outputs=self.outputs(shown),
             initial=self.initial or None,
             rtol=BAND_RTOL,
             refuse=False,
         )
-        rows, why = _valid(study, limit)
+        rows, why = study.rows.take(0, study.rows.size), ""
+        try:
+            study.rows.check(study.variation)
+        except CommandError as error:  # only the valid members are run
+            watch, kept, why = Watch(cancel=limit), [], error.what
+            for row in rows:
+                watch.tell(len(kept), len(rows), "members read")
+                with suppress(PneudriveError):
+                    member, initial = study.variation.single(row)
+                    member.core_json()
+                    member.core_initial(initial)
+                    kept.append(row)
+            rows = np.array(kept)
         head = {"members": MEMBERS, "share": BAND, "ends": {}, "failed": MEMBERS, "why": why, "refused": bool(why)}
         if not len(rows):
             return head, {}
@@ -171,81 +182,59 @@ class ExtrasRequest(RunRequest):
             ends[column] = [low[-1], high[-1]]
         return head | {"failed": MEMBERS - int(whole.sum()), "ends": ends}, arrays
 
-    def _vary(self) -> Plain:
+    @property
+    def vary(self) -> Plain:
+        """Range of each varied value, as `pneudrive.simulate_many` takes it."""
         return {key.removeprefix("components."): f"uniform({low}, {high})" for key, (low, high) in self.spreads.items()}
 
-    def _outputs(self, columns: Sequence[str]) -> list[str]:
+    def outputs(self, columns: Sequence[str]) -> list[str]:
+        """Return the outputs of the members for drawn columns."""
         rate = BAND_SAMPLES / parse(self.duration, "s")
         return [f"samples({meaning(column)[0]}, {rate!r} Hz)" for column in columns]
-
-    def extras_command(self, shown: Sequence[str], out: str, names: NewNames) -> str:
-        """Return the shell lines that make the comparisons with the run written to `out`."""
-        others = [self.with_path(path) for path in self.others if _is_described(path)]
-        lines = [other.as_command(names.of(other.stem())) for other in others]
-        lines += [f"{self.as_command(out)} --energy"] if self.energy else []
-        if self.spreads:
-            sweep = shell(
-                "sweep",
-                self.path,
-                duration=self.duration,
-                command=self.lines,
-                initial=self.initial,
-                set=[f"{key} = {value}" for key, value in self.changes.items()],
-                vary=[f"{key} = {text}" for key, text in self._vary().items()],
-                output=self._outputs(shown),
-                members=MEMBERS,
-                rtol=BAND_RTOL,
-                out=names.of(f"{self.stem()}-band"),
-            )
-            lines.append(sweep)
-        return "\n".join(lines)
-
-    def extras_python(self, workspace: Workspace, shown: Sequence[str]) -> str:
-        """Return the Python lines that make the comparisons, after those of the run."""
-        lines = []
-        for number, path in enumerate(self.others, start=1):
-            if _is_described(path):
-                lines.append(self.with_path(path).as_python(described_at(workspace, path), f"_{number}"))
-            elif path.endswith(".nc"):
-                lines += ["import xarray as xr", f"run_{number} = xr.load_dataset({path!r})"]
-            else:
-                lines += ["import polars as pl", f"run_{number} = pl.read_{path.rpartition('.')[2]}({path!r})"]
-        if self.energy:
-            lines.append(f"energy = {self.call('pn.energy_balance')}")
-        if self.spreads:
-            options = {"vary": self._vary(), "n": MEMBERS, "outputs": self._outputs(shown), "rtol": BAND_RTOL}
-            lines.append(f"many = {self.call('pn.simulate_many', **options)}")
-            each = f'name: many[name].quantile({list(BAND)!r}, "member")'
-            lines.append(f"band = {{{each} for name in many.data_vars if many[name].dims == ('member', 'time')}}")
-        return "\n".join([*lines, ""]) if lines else ""
 
 
 def copied(workspace: Workspace, request: ExtrasRequest, columns: tuple[str, ...] = ()) -> dict[str, str]:
     """Return a run and its comparisons as lines of a shell and as Python."""
-    request.check_saved(workspace)
-    run = request.as_python(described_at(workspace, request.path, request.text))
+    path, text = request.path, request.text
+    if text is not None and (is_in_catalogue(path) or workspace.read(path)[0] != text):
+        raise CommandError.of("web.unsaved", path=path)  # the copied command reads the file
     names = NewNames(workspace)
     out = names.of(request.stem())
-    return {
-        "command": f"{request.as_command(out)}\n{request.extras_command(columns, out, names)}".strip(),
-        "python": f"import pneudrive as pn\n\n{run}\n{request.extras_python(workspace, columns)}",
-    }
-
-
-def _valid(study: EnsembleStudy, limit: RunLimit) -> tuple[Array, str]:
-    """Return the valid rows of a study, and the reason why the first invalid row is not valid."""
-    rows = study.rows.take(0, study.rows.size)
-    try:
-        study.rows.check(study.variation)
-    except CommandError as error:
-        watch, kept = Watch(cancel=limit), []
-        for row in rows:
-            watch.tell(len(kept), len(rows), "members read")
-            with suppress(PneudriveError):
-                study.variation.try_row(row)
-                kept.append(row)
-        return np.array(kept), error.what
-    return rows, ""
+    run = request.as_python(described_at(workspace, path, text))
+    lines, code = [request.as_command(out)], ["import pneudrive as pn", "", run]
+    for number, other in enumerate(request.others, start=1):
+        if _is_described(other):
+            same = request.with_path(other)
+            lines.append(same.as_command(names.of(same.stem())))
+            code.append(same.as_python(described_at(workspace, other), f"_{number}"))
+        elif other.endswith(".nc"):
+            code += ["import xarray as xr", f"run_{number} = xr.load_dataset({other!r})"]
+        else:
+            code += ["import polars as pl", f"run_{number} = pl.read_{other.rpartition('.')[2]}({other!r})"]
+    if request.energy:
+        lines.append(f"{lines[0]} --energy")
+        code.append(f"energy = {request.call('pn.energy_balance')}")
+    if request.spreads:
+        vary, outputs = request.vary, request.outputs(columns)
+        sweep = shell(
+            "sweep",
+            path,
+            duration=request.duration,
+            command=request.lines,
+            initial=request.initial,
+            set=[f"{key} = {value}" for key, value in request.changes.items()],
+            vary=[f"{key} = {text}" for key, text in vary.items()],
+            output=outputs,
+            members=MEMBERS,
+            rtol=BAND_RTOL,
+            out=names.of(f"{request.stem()}-band"),
+        )
+        lines.append(sweep)
+        many = request.call("pn.simulate_many", vary=vary, n=MEMBERS, outputs=outputs, rtol=BAND_RTOL)
+        each = f'name: many[name].quantile({list(BAND)!r}, "member")'
+        band = f"band = {{{each} for name in many.data_vars if many[name].dims == ('member', 'time')}}"
+        code += [f"many = {many}", band]
+    return {"command": "\n".join(lines).strip(), "python": "\n".join([*code, ""])}
 
 
 def _ends(key: object, given: object) -> tuple[str, str]:
@@ -334,10 +323,13 @@ def platform_motion(
             {"name": leg.name, "force": f"{own.name}.leg_{i}_force_n", "limits": limit}
             for i, (leg, limit) in enumerate(zip(own.legs, own.force_limits, strict=True), start=1)
         ]
-        paths = [
-            {"label": label, "points": own.traced(np.column_stack(columns))}
-            for label, columns in _poses_of(poses, others)
-        ]
+        paths = []  # of each other run with this platform, and of its reference
+        for path_of, columns in others.items():
+            at = np.linspace(0, len(columns["time_s"]) - 1, PATH_SAMPLES).round().astype(int)
+            for label, names in ((path_of, poses), (f"reference of {path_of}", list(map(_reference, poses)))):
+                if all(name in columns for name in names):
+                    known_poses = [np.asarray(columns[name], dtype=float)[at] for name in names]
+                    paths.append({"label": label, "points": own.traced(np.column_stack(known_poses))})
         point = f"tip of the normal of {own.name}" if own.normal_m else f"origin of {own.name}"
         about = []
         for column in outputs:
@@ -363,15 +355,6 @@ def _run_answer(view: View, run: Run) -> Plain:
     state = max((view.state, worst(findings)), key=STATES.index)
     answer = View(view.title, state=state, leading=(*hardest, *view.leading), findings=findings)
     return answer.data()
-
-
-def _poses_of(poses: list[str], others: Mapping[str, Columns]) -> Iterator[tuple[str, list[Array]]]:
-    """Yield label and coordinates of each other run with this platform, and of its reference."""
-    for path, columns in others.items():
-        rows = np.linspace(0, len(columns["time_s"]) - 1, PATH_SAMPLES).round().astype(int)
-        for label, names in ((path, poses), (f"reference of {path}", list(map(_reference, poses)))):
-            if all(name in columns for name in names):
-                yield label, [np.asarray(columns[name], dtype=float)[rows] for name in names]
 
 
 def _reference(column: str) -> str:

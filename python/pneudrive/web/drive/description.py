@@ -71,41 +71,32 @@ def fields_of(described: Described) -> Plain:
     """Return the name, values, assumptions and commands of a description, and the initial sliders."""
     # A part of a table before the whole of it: [load.spring] is a component, and the rest of [load] another.
     places, every = described.component_places, values_of(described)
-    absent = _absent(described, every)
+    # Defaults that are valid only with other values, such as those of a missing cushion, are left out.
+    logs = [one.key for one in every if one.key.endswith("dwell.growth") and one.value != "saturating"]
+    absent = {f"{key.removesuffix('growth')}exponent" for key in logs}
+    given = {key for key, _ in toml.leaves(described.to_dict())}
+    absent |= {one.key for one in every if _PAIR.search(one.key) and one.key not in given}
+    for name, component in getattr(described, "components", {}).items():
+        known = component.numbers(described.ambient.pressure_pa)
+        keys = (each["key"] for each in component.entry["parameters"] if each["within"])
+        absent |= {f"components.{name}.{key}" for key in keys if key not in known}
+    named = [name for name in described.commandable if name]
+    try:
+        bounds = {one.name: one.bounds for one in start(described).variables if one.kind == "input"} if named else {}
+    except PneudriveError:  # the view Simulate reports why it cannot run
+        bounds = {}
     every = sorted(every, key=lambda one: ORDER.get(one.key.partition(".")[0], len(FIRST)))
     values = [field_of(one) | {"component": _owner(one.key, places)} for one in every if one.key not in absent]
     slides = [one["key"] for end in FIRST_SLIDERS for one in values if "low" in one and _ends(one["key"], end)]
     return {
         "name": described.name,
         "kind": described.file_kind,
-        "valves": _lowest_commands(described),
+        # The lowest command of each component that has one: -1, or 0 for an on-off valve.
+        "valves": {name: 0 if "not less than 0" in bounds.get(f"{name}.{COMMAND}", "") else -1 for name in named},
         "values": values,
         "notes": described.notes,
         "sliders": list(dict.fromkeys(slides))[:MOST_SLIDERS],
     }
-
-
-def _absent(described: Described, every: Sequence[DescribedValue]) -> set[str]:
-    """Return the keys of defaults that are valid only with other values, such as those of a missing cushion."""
-    logs = [one.key for one in every if one.key.endswith("dwell.growth") and one.value != "saturating"]
-    out = {f"{key.removesuffix('growth')}exponent" for key in logs}
-    given = {key for key, _ in toml.leaves(described.to_dict())}
-    out |= {one.key for one in every if _PAIR.search(one.key) and one.key not in given}
-    for name, one in getattr(described, "components", {}).items():
-        known = one.numbers(described.ambient.pressure_pa)
-        keys = (each["key"] for each in one.entry["parameters"] if each["within"])
-        out |= {f"components.{name}.{key}" for key in keys if key not in known}
-    return out
-
-
-def _lowest_commands(described: Described) -> dict[str, int]:
-    """Return the lowest command of each component that has one: -1, or 0 for an on-off valve."""
-    named = [name for name in described.commandable if name]
-    try:
-        bounds = {one.name: one.bounds for one in start(described).variables if one.kind == "input"} if named else {}
-    except PneudriveError:  # the view Simulate reports why it cannot run
-        bounds = {}
-    return {name: 0 if "not less than 0" in bounds.get(f"{name}.{COMMAND}", "") else -1 for name in named}
 
 
 def _owner(key: str, places: Sequence[tuple[str, str]]) -> str:

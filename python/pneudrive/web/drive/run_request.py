@@ -112,16 +112,6 @@ class RunRequest(PageRequest):
         """Return the same request for another drive or circuit, without changes."""
         return self.model_copy(update={"path": path, "text": None, "changes": {}})
 
-    def described(self, workspace: Workspace) -> Described:
-        """Return the drive or circuit with its changes.
-
-        Raises
-        ------
-        CommandError, DescriptionError
-            The name refers to a file outside the workspace, or the description is not valid.
-        """
-        return with_changes(described_at(workspace, self.path, self.text), self.changes)
-
     def run(self, workspace: Workspace, described: Described, cancel: Flag) -> Run:
         """Simulate the drive or circuit `described`, and return its run.
 
@@ -147,17 +137,6 @@ class RunRequest(PageRequest):
         if "" not in described.commandable:
             return [_placed(line, workspace) for line in self.lines] or None
         return _placed(self.command if isinstance(self.command, str) else ", ".join(self.command), workspace)
-
-    def check_saved(self, workspace: Workspace) -> None:
-        """Check that the file contains the text of the page, because the copied command reads the file.
-
-        Raises
-        ------
-        CommandError
-            The file has another text.
-        """
-        if self.text is not None and (is_in_catalogue(self.path) or workspace.read(self.path)[0] != self.text):
-            raise CommandError.of("web.unsaved", path=self.path)
 
     def as_command(self, out: str) -> str:
         """Return the shell line that makes the same run in the folder of the workspace, into a file `out`."""
@@ -208,7 +187,7 @@ def described_at(workspace: Workspace, path: str, text: str | None = None) -> De
     Raises
     ------
     CommandError, DescriptionError
-        As for `RunRequest.described`.
+        The name refers to a file outside the workspace, or the description is not valid.
     """
     if text is None and not is_in_catalogue(path):
         text = workspace.read(path)[0]

@@ -70,10 +70,18 @@ def shown_sizing(workspace: Workspace, path: str) -> Plain:
     ranked = sorted(
         simulated, key=lambda drive: (places.get(drive.name, len(places)), not drive.is_feasible, drive.rank)
     )
+    gauge_bar = 1e-5 * (task.supply_pa - task.ambient.pressure_pa)
+    times, incline_deg = (task.outward_s, task.back_s), math.degrees(task.incline_rad)
+    shown = (task.mass_kg, 1e3 * task.stroke_m, *times, incline_deg, gauge_bar, task.tube_length_m)
+    mass, stroke, out, back, incline, gauge, tube = map(numbers.plain, shown)
+    tasks = (file for file in workspace.files() if file.kind == "task")  # one of them may be that of the search
     return {
         "name": task.name,
-        "words": _in_words(task),
-        "task": _file_of(workspace, task),
+        "words": (
+            f"{mass} kg by {stroke} mm in {out} s, back in {back} s; incline {incline} deg, {gauge} bar gauge, "
+            f"tubes of {tube} m"
+        ),
+        "task": next((file.path for file in tasks if _task_at(workspace.path(file.path), file.changed) == task), ""),
         "draws": draws,
         "candidates": [_candidate(one, places.get(one.name), files.get(one.name, "")) for one in ranked],
         "view": done and done.view().data(),
@@ -83,18 +91,6 @@ def shown_sizing(workspace: Workspace, path: str) -> Plain:
         "provisional": read_text(early, CommandError).strip() if early.is_file() and done is None else "",
         "asked": done.asked if done and done.asked and is_of_command(done.asked) else None,
     }
-
-
-def _in_words(task: SizingTask) -> str:
-    """Return load, stroke, times, incline, supply and tubes of a task as one sentence."""
-    gauge_bar = 1e-5 * (task.supply_pa - task.ambient.pressure_pa)
-    times, incline_deg = (task.outward_s, task.back_s), math.degrees(task.incline_rad)
-    shown = (task.mass_kg, 1e3 * task.stroke_m, *times, incline_deg, gauge_bar, task.tube_length_m)
-    mass, stroke, out, back, incline, gauge, tube = map(numbers.plain, shown)
-    return (
-        f"{mass} kg by {stroke} mm in {out} s, back in {back} s; incline {incline} deg, {gauge} bar gauge, "
-        f"tubes of {tube} m"
-    )
 
 
 def _candidate(drive: SizedDrive, place: int | None, file: str) -> Plain:
@@ -128,12 +124,6 @@ def _candidate(drive: SizedDrive, place: int | None, file: str) -> Plain:
 
 def _scaled(ends: Interval | None, factor: float) -> list[float] | None:
     return None if ends is None else [factor * end for end in ends]
-
-
-def _file_of(workspace: Workspace, task: SizingTask) -> str:
-    """Return the file of a task, or "" if the workspace no longer has it."""
-    tasks = (one for one in workspace.files() if one.kind == "task")
-    return next((one.path for one in tasks if _task_at(workspace.path(one.path), one.changed) == task), "")
 
 
 @lru_cache(maxsize=MOST_TASKS)

@@ -144,7 +144,10 @@ class CircuitText:
         table.comment(ASSUMED)
         table["kind"] = kind
         for key, value in STARTERS[kind].items():
-            table[key] = _inline(value)
+            table[key] = value
+            if isinstance(value, dict):
+                table[key] = tomlkit.inline_table()
+                table[key].update(value)  # type: ignore[union-attr]
         table.add(tomlkit.nl())
         self.document["components"][name] = table  # type: ignore[index]
         return name
@@ -265,11 +268,3 @@ def _is_passed(needed: list[Port]) -> bool:
 def _words(chain: object) -> list[str]:
     mark = PILOT_LINE if PILOT_LINE in str(chain) else ARROW
     return [word.strip() for word in str(chain).split(mark)]
-
-
-def _inline(value: Any) -> Any:  # noqa: ANN401 - plain data
-    if not isinstance(value, dict):
-        return value
-    table = tomlkit.inline_table()
-    table.update(value)
-    return table

@@ -136,9 +136,8 @@ def _groups(points: list[tuple[Head, float]], ambient_pa: float) -> list[Plain]:
         if cycle.kind == "sweep" and cycle.speed_m_s and math.isfinite(friction):
             point = {"x": cycle.speed_m_s, "y": friction, "spread": None}
             groups.setdefault((cycle.pressure_a_pa, cycle.pressure_b_pa), []).append(point)
-    return [{"label": _label(pair, ambient_pa), "points": own} for pair, own in sorted(groups.items())]
-
-
-def _label(pair: Pair, ambient_pa: float) -> str:
-    a, b = ((one - ambient_pa) / 1e5 for one in pair)
-    return f"a {a:.3g}, b {b:.3g} bar gauge"
+    out = []
+    for pair, points_of_pair in sorted(groups.items()):
+        a, b = ((one - ambient_pa) / 1e5 for one in pair)
+        out.append({"label": f"a {a:.3g}, b {b:.3g} bar gauge", "points": points_of_pair})
+    return out

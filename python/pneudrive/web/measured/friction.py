@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import numpy as np
 import polars as pl
 
-from pneudrive.arrays import Array, Columns, Ints, Plain
+from pneudrive.arrays import Array, Ints, Plain
 from pneudrive.campaign.planning.next_points import limits_of
 from pneudrive.errors import CommandError, PneudriveError
 from pneudrive.figures import Axis, Figure, Line, Markers, Panel
@@ -23,7 +23,7 @@ from pneudrive.rig.rig_file import load_rig
 from pneudrive.units import readable
 from pneudrive.views import ShownFigure, View
 from pneudrive.web.jobs import RIG
-from pneudrive.web.lineage import SAME, Lineage, recordings_of_map
+from pneudrive.web.lineage import SAME, Lineage
 from pneudrive.web.messages import bounded, python, shell
 from pneudrive.web.workspace import DESCRIPTIONS, Workspace
 
@@ -94,7 +94,8 @@ def shown_map(workspace: Workspace, path: str, fit: str) -> Plain:
     names = dict.fromkeys(group["assembly"] for group in found["groups"])
     files = {name: join(dirname(path), fit_file(name) if len(names) > 1 else FIT) for name in names}
     seals = {name: file if file in fits else "" for name, file in files.items()}
-    return {**found, "fits": fits, "seals": seals, "recordings": recordings_of_map(workspace, path)}
+    recordings = {edge.name: edge.path for edge in Lineage(workspace).edges(path) if edge.path}
+    return {**found, "fits": fits, "seals": seals, "recordings": recordings}
 
 
 def _drawn_groups(path: Path, fit_name: str) -> tuple[xr.Dataset, list[Plain], dict[str, FrictionFit], str]:
@@ -227,7 +228,13 @@ def behind_fit(workspace: Workspace, path: str) -> Plain:
         The file is not a fit.
     """
     fit = read_fit(workspace.path(path, DESCRIPTIONS))
-    figures = _ellipses(fit) if fit.covariance.size and fit.intervals else []
+    figures, panels = [], []
+    for (x_name, y_name), correlation, points in ellipses(fit) if fit.covariance.size and fit.intervals else ():
+        (x_size, x), (y_size, y) = _axis(fit, x_name), _axis(fit, y_name)
+        line = Line(*(points / [x_size, y_size]).T)
+        panels.append(Panel([line], f"{y_name} over {x_name}: correlation {correlation:.2g}", x, y))
+    if panels:
+        figures.append(ShownFigure("Values that change together", ELLIPSES, Figure(panels, columns=3)))
     edge = next(iter(Lineage(workspace).edges(path)), None) if isinstance(fit, SlidingFit) else None
     why, lines = "", {}
     if not isinstance(fit, SlidingFit):
@@ -240,7 +247,15 @@ def behind_fit(workspace: Workspace, path: str) -> Plain:
         copied = ""
         if isinstance(fit, FrictionFit) and fit.model.knee_pa is None:
             copied = "ends = profiles(fit, curves)\n"
-            figures.insert(0, _profiles(fit, profiles(fit, table)))
+            panels = []
+            percent = [*(100.0 * p for p in reversed(PROBABILITIES)), 0.0, *(100.0 * p for p in PROBABILITIES)]
+            for name, ends in profiles(fit, table).items():
+                size, axis = _axis(fit, name)
+                at = np.array([*ends[::-1, 0], fit.free_values()[name], *ends[:, 1]]) / size
+                known = np.isfinite(at)  # an open end is left out
+                line = Line(at[known], np.array(percent)[known])
+                panels.append(Panel([line], f"Profile of {name}", axis, "probability of the interval, %"))
+            figures.insert(0, ShownFigure("Profiles", PROFILES, Figure(panels, columns=3)))
         points = Panel([Markers(data.at, data.measured - data.model, size=3.0)])
         rest = Figure([points], Axis("speed / mm/s", "log"), Axis("measured minus fitted friction / N"))
         figures.insert(0, ShownFigure("Residuals over speed", "", rest))
@@ -253,28 +268,6 @@ def _axis(fit: AnyFit, name: str) -> tuple[float, Axis]:
     """Return the size of the usual unit of a value, and the axis of the value in this unit."""
     size, unit = readable(fit.units[name])
     return size, Axis(name if unit in ("", "1") else f"{name} / {unit}", is_si=False)
-
-
-def _profiles(fit: FrictionFit, found: Columns) -> ShownFigure:
-    """Return the interval of each value at every probability. An open end is left out."""
-    panels = []
-    percent = [*(100.0 * p for p in reversed(PROBABILITIES)), 0.0, *(100.0 * p for p in PROBABILITIES)]
-    for name, ends in found.items():
-        size, axis = _axis(fit, name)
-        at = np.array([*ends[::-1, 0], fit.free_values()[name], *ends[:, 1]]) / size
-        known = np.isfinite(at)
-        line = Line(at[known], np.array(percent)[known])
-        panels.append(Panel([line], f"Profile of {name}", axis, "probability of the interval, %"))
-    return ShownFigure("Profiles", PROFILES, Figure(panels, columns=3))
-
-
-def _ellipses(fit: AnyFit) -> list[ShownFigure]:
-    panels = []
-    for (x_name, y_name), correlation, points in ellipses(fit):
-        (x_size, x), (y_size, y) = _axis(fit, x_name), _axis(fit, y_name)
-        line = Line(*(points / [x_size, y_size]).T)
-        panels.append(Panel([line], f"{y_name} over {x_name}: correlation {correlation:.2g}", x, y))
-    return [ShownFigure("Values that change together", ELLIPSES, Figure(panels, columns=3))] if panels else []
 
 
 def next_points(

@@ -150,19 +150,16 @@ class Recordings:
                 while len(self._open) >= MOST_OPEN:
                     self._open.pop(next(iter(self._open)))
                 found = self._open[key] = Reading()
-                self._forget_older(path, own)
+                # The stored data of earlier versions are deleted. Otherwise a growing file would fill the disk.
+                keys = self._versions.setdefault(path, [])
+                keys[:] = [*(known for known in keys if known != own), own]
+                while len(keys) > MOST_VERSIONS:
+                    older = keys.pop(0)
+                    self._open = {known: one for known, one in self._open.items() if not known.startswith(older)}
+                    shutil.rmtree(cache_folder() / older, ignore_errors=True)
                 threading.Thread(target=found.read, args=(path, layout, key), daemon=True).start()
         wait([found], 0.2)
         return found
-
-    def _forget_older(self, path: Path, key: str) -> None:
-        """Delete the stored data of an earlier version of a file. Otherwise a growing file would fill the disk."""
-        keys = self._versions.setdefault(path, [])
-        keys[:] = [*(known for known in keys if known != key), key]
-        while len(keys) > MOST_VERSIONS:
-            older = keys.pop(0)
-            self._open = {known: reading for known, reading in self._open.items() if not known.startswith(older)}
-            shutil.rmtree(cache_folder() / older, ignore_errors=True)
 
     def need(self, name: str) -> OpenRecording:
         """Return a recording, once it has been read.

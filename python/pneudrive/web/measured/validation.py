@@ -8,7 +8,7 @@ from dataclasses import replace
 from functools import lru_cache
 from itertools import chain
 from pathlib import Path, PurePosixPath
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
 from pydantic import Field, StrictInt, StrictStr
@@ -35,7 +35,7 @@ from pneudrive.web.drive.run_request import Changes, described_at, with_changes
 from pneudrive.web.lineage import SAME, Edge, Lineage
 from pneudrive.web.measured.recordings import by_stem
 from pneudrive.web.measured.tiles import drawn_columns
-from pneudrive.web.messages import MOST_PIXELS, PageRequest, pack, python, shell, wrong_request
+from pneudrive.web.messages import MOST_PIXELS, pack, python, shell, wrong_request
 from pneudrive.web.results import load_at
 from pneudrive.web.workspace import DESCRIPTIONS, TABLES, Workspace, is_in_catalogue
 
@@ -126,11 +126,21 @@ def _values(
     return out
 
 
-class FrameRequest(PageRequest):
-    """A view of one record of a validation.
+def frame_of(
+    workspace: Workspace,
+    path: StrictStr,
+    record: Annotated[StrictInt, Field(ge=0)],
+    span: Interval,
+    pixels: Annotated[StrictInt, Field(ge=1, le=MOST_PIXELS)],
+    drive: StrictStr = "",
+    changes: Changes | None = None,
+    number: object = None,
+) -> bytes:
+    """Return a view of one record as a frame: measurement, both runs, residuals, and the run of a changed drive.
 
-    Attributes
+    Parameters
     ----------
+    workspace : Workspace
     path : str
         The validation.
     record : int
@@ -141,20 +151,10 @@ class FrameRequest(PageRequest):
         Width of the drawing.
     drive : str
         Drive to change, by its name in the workspace or the catalogue.
-    changes : dict
-        Changed values. Empty without changes.
-    """
-
-    path: StrictStr
-    record: Annotated[StrictInt, Field(ge=0)]
-    span: Interval
-    pixels: Annotated[StrictInt, Field(ge=1, le=MOST_PIXELS)]
-    drive: StrictStr = ""
-    changes: Changes = Field(default_factory=dict)
-
-
-def frame_of(workspace: Workspace, asked: Keyed, number: object) -> bytes:
-    """Return a view of one record as a frame: measurement, both runs, residuals, and the run of a changed drive.
+    changes : dict, optional
+        Changed values.
+    number : int
+        Number of the request, which the head of the frame repeats.
 
     Raises
     ------
@@ -163,20 +163,25 @@ def frame_of(workspace: Workspace, asked: Keyed, number: object) -> bytes:
     DescriptionError
         A changed value is not valid.
     """
-    request = FrameRequest.of(asked)
-    name, span, changes = request.path, request.span, request.changes
-    records = _read(workspace, name)["record"]
-    if request.record >= len(records):
+    records = _read(workspace, path)["record"]
+    if record >= len(records):
         raise wrong_request()
-    path = workspace.path(f"{name.rpartition('/')[0]}/{records[request.record]['run']}".lstrip("/"), TABLES)
-    if not path.is_file():
-        raise CommandError(f"{path.name} is missing next to {name}", remedy="Validate again.")
-    table, signals = _run(path, path.stat().st_mtime_ns)
+    file = workspace.path(f"{path.rpartition('/')[0]}/{records[record]['run']}".lstrip("/"), TABLES)
+    if not file.is_file():
+        raise CommandError(f"{file.name} is missing next to {path}", remedy="Validate again.")
+    table, signals = _run(file, file.stat().st_mtime_ns)
     head: Plain = {"number": number}
     columns = {"time_s": table["time_s"], "command": table["command"]}
     changed: Keyed = {}
     if changes:
-        head["fit"], changed = _changed(described_at(workspace, request.drive), changes, signals)
+        described = described_at(workspace, drive)
+        if not isinstance(described, Drive):
+            raise CommandError("a circuit cannot be validated here")
+        if signals.time_s.size > MOST_LIVE:
+            raise CommandError.of("web.sliders", samples=signals.time_s.size, most=MOST_LIVE)
+        free = run_model(with_changes(described, changes), signals)  # type: ignore[arg-type]
+        head["fit"] = {c: metrics(getattr(signals, c), free[c]).fit_percent for c in CHANNELS}  # agreement, %
+        changed = free.columns
     for channel in CHANNELS:
         measured = table[channel]
         columns[f"{channel}.measured"] = measured
@@ -188,7 +193,7 @@ def frame_of(workspace: Workspace, asked: Keyed, number: object) -> bytes:
             columns[f"{channel}.changed.residual"] = measured - changed[channel]
     begin, end = np.searchsorted(columns["time_s"], span)
     rows = slice(max(begin - 1, 0), max(end + 1, begin + 2))
-    return pack(head, drawn_columns({key: values[rows] for key, values in columns.items()}, request.pixels))
+    return pack(head, drawn_columns({key: values[rows] for key, values in columns.items()}, pixels))
 
 
 @lru_cache(maxsize=4)
@@ -200,16 +205,6 @@ def _run(path: Path, _changed_ns: int) -> tuple[Plain, Signals]:
         raise CommandError(f"{path.name} is not a run of a validation", remedy="Validate again.")
     table = read_columns(path, names)
     return table, Signals.of(drive_recording({key: table[key] for key in names if key not in runs}, path.stem))
-
-
-def _changed(drive: Any, changes: Plain, signals: Signals) -> tuple[dict[str, float], Keyed]:  # noqa: ANN401
-    """Return the free run of a drive with changed values, and the agreement (%) of each channel."""
-    if not isinstance(drive, Drive):
-        raise CommandError("a circuit cannot be validated here")
-    if signals.time_s.size > MOST_LIVE:
-        raise CommandError.of("web.sliders", samples=signals.time_s.size, most=MOST_LIVE)
-    run = run_model(with_changes(drive, changes), signals)  # type: ignore[arg-type]
-    return {c: metrics(getattr(signals, c), run[c]).fit_percent for c in CHANNELS}, run.columns
 
 
 def _labels(*paths: PurePosixPath) -> tuple[str, str]:
