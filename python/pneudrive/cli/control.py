@@ -66,27 +66,23 @@ def tune(drive: str, *, law: str = "nmpc", setup: str = "real", out: Path | None
     described = load.load_described(drive)
     found = tuning.tune(described, law, setup=setup)
     show_view(found.view())
-    _try_out(described, found, setup)
+    # Run the controller on its assumed drive, and warn if the drive does not follow the reference.
+    try:
+        prepared = loop.prepare(described, None, loop.ALONG, setup=setup, controller=found)
+        run = loop.run_prepared(prepared, seed=1)
+    except PneudriveError as error:
+        warn(f"the controller was not tested on this drive: {error.what}")
+    else:
+        title = f"Simulated on this drive as described, along {prepared.reference.text}"
+        show_view(replace(scores.view_of_score(run.provenance), title=title))
+        score, reach = run.provenance["score"], prepared.reference.reach()
+        if score["lost"] or score["max_error_m"] > loop.MOST * (reach.highest_m - reach.lowest_m):
+            missed = f"{found.law} has an error of up to {1e3 * score['max_error_m']:.3g} mm in this test"
+            warn(f"{missed}: choose another controller or drive")
     show_view(loop.suitability(described, setup))
     if (lag := loop.view_of_lag(described, found, setup)) is not None:
         show_view(lag)
     write_outputs((out, replace(found, source=drive).save))
-
-
-def _try_out(drive: pn.Drive | pn.Circuit, found: tuning.Tuning, setup: str) -> None:
-    """Run the tuned controller on its assumed drive, and warn if the drive does not follow the reference."""
-    try:
-        prepared = loop.prepare(drive, None, loop.ALONG, setup=setup, controller=found)
-        run = loop.run_prepared(prepared, seed=1)
-    except PneudriveError as error:
-        warn(f"the controller was not tested on this drive: {error.what}")
-        return
-    title = f"Simulated on this drive as described, along {prepared.reference.text}"
-    show_view(replace(scores.view_of_score(run.provenance), title=title))
-    score, reach = run.provenance["score"], prepared.reference.reach()
-    if score["lost"] or score["max_error_m"] > loop.MOST * (reach.highest_m - reach.lowest_m):
-        missed = f"{found.law} has an error of up to {1e3 * score['max_error_m']:.3g} mm in this test"
-        warn(f"{missed}: choose another controller or drive")
 
 
 def run(

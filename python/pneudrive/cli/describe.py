@@ -69,21 +69,17 @@ def catalogue(
         found = parts.find_parts(**search)
         _list(found) if found else typer.echo("No part fits.")
     elif out is not None:
-        _write_drive(name, out)
+        entries = parts.entries()
+        if name is None or (name in entries and not entries[name].is_drive):
+            drives = ", ".join(entry.name for entry in entries.values() if entry.is_drive)
+            what = f"{name} is a part, not a drive" if name else "--out needs the name of a drive"
+            raise CommandError(what, remedy=f"Drives: {drives}.")
+        terminal.check_outputs(out, (".toml",))
+        terminal.write_text(pn.Drive.load(f"{parts.PREFIX}{name}").to_toml(), out)
     elif name is None:
         _list(list(parts.entries().values()))
     else:
         _show_entry(parts.entry(name))
-
-
-def _write_drive(name: str | None, out: Path) -> None:
-    entries = parts.entries()
-    if name is None or (name in entries and not entries[name].is_drive):
-        drives = ", ".join(entry.name for entry in entries.values() if entry.is_drive)
-        what = f"{name} is a part, not a drive" if name else "--out needs the name of a drive"
-        raise CommandError(what, remedy=f"Drives: {drives}.")
-    terminal.check_outputs(out, (".toml",))
-    terminal.write_text(pn.Drive.load(f"{parts.PREFIX}{name}").to_toml(), out)
 
 
 def _list(entries: list[parts.Entry]) -> None:
@@ -176,22 +172,19 @@ def check(drive: str) -> None:
     described = load.load_described(drive)
     each = [f"{name} ({component.kind})" for name, component in described.circuit.components.items()]
     typer.echo(f"{described.name}: {len(each)} components, no errors\n  {', '.join(each)}")
+    ideal = []  # proportional valves with parameters that are zero
+    for component in json.loads(described.circuit.core_json())["components"]:
+        numbers = component["numbers"]
+        if zeros := [key for key in mismatch.OF_VALVE.values() if "overlap" in numbers and numbers[key] == 0.0]:
+            cost = "pneudrive control tune shows their effect on a controller"
+            ideal.append((f"{{}}: {', '.join(zeros)} = 0, as in an ideal valve; {cost}", component["name"]))
     for title, lines in (
-        ("To note", [*described.notes, *_together(_ideal_valves(described.circuit.core_json()))]),
+        ("To note", [*described.notes, *_together(ideal)]),
         ("Values with a source", described.sources()),
         ("Assumed", list(_together(described.assumptions))),
     ):
         if lines:
             typer.echo("\n".join(["", title, *(f"  {line}" for line in lines)]))
-
-
-def _ideal_valves(core_json: str) -> Iterator[tuple[str, str]]:
-    """Yield the parameters of proportional valves that are zero, each with the name of its valve."""
-    for component in json.loads(core_json)["components"]:
-        numbers = component["numbers"]
-        if zeros := [key for key in mismatch.OF_VALVE.values() if "overlap" in numbers and numbers[key] == 0.0]:
-            cost = "pneudrive control tune shows their effect on a controller"
-            yield f"{{}}: {', '.join(zeros)} = 0, as in an ideal valve; {cost}", component["name"]
 
 
 def _together(assumptions: Iterable[tuple[str, str]]) -> Iterator[str]:

@@ -6,6 +6,7 @@ import platform
 import sys
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import typer
 
@@ -24,6 +25,9 @@ with used_later(__name__):
     from pneudrive.identify import files
     from pneudrive.report import page, recordings, trajectory
     from pneudrive.studies.bracha import reproduction
+
+if TYPE_CHECKING:
+    from pneudrive.fmu.package import FmuFile
 
 #: Tools that take a whole drive, and those that take its friction.
 _WHOLE, _FRICTION = ("fmu", "c"), ("simscape", "modelica", "csv", "st")
@@ -87,7 +91,14 @@ def export(
         friction_export.check_tool(to)
     check_used(context, to, _USED)
     if to in _WHOLE:
-        _export_whole(source, to, out, fmi, actuator=actuator, initial=initial)
+        if out is None:
+            what, remedy = ("an FMU needs a file name", "drive.fmu") if to == "fmu" else ("C needs a folder", "drive_c")
+            raise CommandError(f"--out is missing: {what}", remedy=f"Write --out {remedy}.")
+        drive = load.load_described(source)
+        if to == "c":
+            terminal.show_paths(*pn.export_c(drive, out, initial=initial))
+        else:
+            _show_fmu(pn.export_fmu(drive, out, version=fmi, actuator=actuator, initial=initial))
         return
     with naming("--speeds"):
         between = None if speeds is None else units.parse_range(speeds, "m/s")
@@ -115,24 +126,8 @@ def _gauge(text: str | None, name: str) -> float | None:
     return pressure.value_pa
 
 
-def _export_whole(
-    source: str,
-    to: str,
-    out: Path | None,
-    fmi: str,
-    *,
-    actuator: bool,
-    initial: str | None,
-) -> None:
-    """Write a drive or a circuit for another tool, and print the variables that the tool sees."""
-    if out is None:
-        what, remedy = ("an FMU needs a file name", "drive.fmu") if to == "fmu" else ("C needs a folder", "drive_c")
-        raise CommandError(f"--out is missing: {what}", remedy=f"Write --out {remedy}.")
-    drive = load.load_described(source)
-    if to == "c":
-        terminal.show_paths(*pn.export_c(drive, out, initial=initial))
-        return
-    done = pn.export_fmu(drive, out, version=fmi, actuator=actuator, initial=initial)
+def _show_fmu(done: FmuFile) -> None:
+    """Print the variables of an FMU that the other tool sees."""
     sys.stderr.write("".join(("Notes and assumed values of the drive:\n", *(f"- {note}\n" for note in done.notes))))
     typer.echo(f"{done.path}: FMI {done.version}, token {done.token}")
     for title, variables in (("inputs", done.inputs), ("outputs", done.outputs)):

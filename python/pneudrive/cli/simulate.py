@@ -8,7 +8,7 @@ import threading
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, cast
 
 import typer
 
@@ -19,7 +19,7 @@ from pneudrive.errors import CommandError, nearest
 from pneudrive.lazy_names import upper, used_later
 
 with used_later(__name__):
-    from pneudrive import platforms, report, units
+    from pneudrive import report, units
     from pneudrive.describe.files import load
     from pneudrive.ensemble import design, many, variation
     from pneudrive.identify import files as fits
@@ -218,21 +218,18 @@ def _design(
             if members is None:
                 raise CommandError("--members is missing", remedy="Give the number of members to draw from the fit.")
             return pn.EnsembleDesign.posterior(fits.read_fit(path), members, seed=seed)
-        return design.design_of(_table(drive, path), members)
+        if path.suffix not in (".csv", ".parquet"):
+            raise CommandError.of("cli.no-table", path=path)
+        # The columns are names of parameters, with or without unit.
+        known = {number.file_name: name for name, number in variation.all_numbers(drive).items()}
+        columns = trajectory.column_names(path)
+        for column in columns:
+            if column not in known and column not in known.values():
+                kind, remedy = drive.file_kind, nearest(column, known)
+                raise CommandError.of("cli.no-number", where=path, column=column, kind=kind, remedy=remedy)
+        table = trajectory.read_columns(path, columns).items()
+        return design.design_of({known.get(column, column): values for column, values in table}, members)
     return design.design_of(pairs_in("--vary", vary, "load.mass = uniform(1 kg, 2 kg)"), members, seed)
-
-
-def _table(drive: pn.Drive | pn.Circuit, path: Path) -> dict[str, Any]:
-    """Read a table of members. Its columns are names of parameters, with or without unit."""
-    if path.suffix not in (".csv", ".parquet"):
-        raise CommandError.of("cli.no-table", path=path)
-    known = {number.file_name: name for name, number in variation.all_numbers(drive).items()}
-    columns = trajectory.column_names(path)
-    for column in columns:
-        if column not in known and column not in known.values():
-            kind, remedy = drive.file_kind, nearest(column, known)
-            raise CommandError.of("cli.no-number", where=path, column=column, kind=kind, remedy=remedy)
-    return {known.get(column, column): values for column, values in trajectory.read_columns(path, columns).items()}
 
 
 def lines(
@@ -320,20 +317,17 @@ def platform(
         if out is None:
             show_view(platform_page.platform_run_view(machine, columns))
         else:
-            _write_platform(machine, columns, out, dark=dark)
+            poses, suffix = kinematics.motion_of(machine, columns)[0], out.suffix.lower()
+            if suffix in PICTURES:
+                platform_page.draw_platform(machine, poses, out, dark=dark)
+            elif suffix == ".html":
+                platform_page.write_platform_page(machine, columns, out)
+            elif suffix in (".parquet", ".csv"):
+                of_run = columns | kinematics.platform_outputs(machine, columns)
+                trajectory.save_columns(of_run, {"title": machine.name}, out)
+            else:
+                platform_page.animate_platform(machine, columns["time_s"], poses, out, dark=dark)
     show_paths(out)
-
-
-def _write_platform(machine: platforms.Platform, columns: dict, out: Path, *, dark: bool) -> None:
-    poses, suffix = kinematics.motion_of(machine, columns)[0], out.suffix.lower()
-    if suffix in PICTURES:
-        platform_page.draw_platform(machine, poses, out, dark=dark)
-    elif suffix == ".html":
-        platform_page.write_platform_page(machine, columns, out)
-    elif suffix in (".parquet", ".csv"):
-        trajectory.save_columns(columns | kinematics.platform_outputs(machine, columns), {"title": machine.name}, out)
-    else:
-        platform_page.animate_platform(machine, columns["time_s"], poses, out, dark=dark)
 
 
 def web(

@@ -132,21 +132,18 @@ def characteristic(
     check_outputs(out, (".csv", ".nc"), plot)
     kind = registry.characteristic_named(name)
     texts = pairs_in("--set", set or (), "command = 0.6")
-    settings = {key: _setting(key, text, kind) for key, text in texts.items()}
+    settings: dict[str, Any] = {}
+    for key, text in texts.items():  # commas separate several values
+        values = [number_or_text(part.strip()) for part in text.split(",")]
+        default, _ = kind.settings.get(key, (None, ""))
+        is_list = isinstance(default, tuple) or (default is None and key.endswith("s"))
+        if len(values) > 1 and not is_list:
+            raise CommandError(f"{key} = {text} has several values", rule=f"{kind.name} takes one {key}")
+        settings[key] = values if is_list else values[0]
     uncertain = registry.UncertainDrive(load.load_described(drive))
     found = uncertain.characteristic(name, watch(), **settings)
     show_view(sheet_page.characteristic_view(found))
     write_outputs((out, partial(_save, found)), (plot, partial(sheet_page.plot_characteristic, found)))
-
-
-def _setting(name: str, text: str, kind: Any) -> Any:  # noqa: ANN401
-    """Read a setting. Commas separate several values."""
-    values = [number_or_text(part.strip()) for part in text.split(",")]
-    default, _ = kind.settings.get(name, (None, ""))
-    is_list = isinstance(default, tuple) or (default is None and name.endswith("s"))
-    if len(values) > 1 and not is_list:
-        raise CommandError(f"{name} = {text} has several values", rule=f"{kind.name} takes one {name}")
-    return values if is_list else values[0]
 
 
 def _save(found: xr.Dataset, path: Path) -> None:
