@@ -260,27 +260,23 @@ def _open(path: Path, said: FileLayout | None, cache: Path) -> tuple[Table, Name
     how = (said.format, said.text_form, said.channels) if said is not None else ()
     converted = cache / f"table-{hashlib.sha256(repr(how).encode()).hexdigest()[:16]}.parquet"
     if not converted.is_file():
-        columns, about = _converted(path, said)
+        if said is None:
+            form, values = read_foreign(path)
+            names = form.names if len(set(form.names)) == len(values) else [f"column {at}" for at in range(len(values))]
+            columns = {name: values[at] for at, name in enumerate(names) if at not in form.words}
+            about: dict[str, Names] = {"units": dict(zip(names, form.units, strict=False))}
+        else:
+            foreign, channels = read_channels(path, said, others=True)
+            # A time at a rate has no column.
+            places = {role: foreign.places.get(c.column, "time at a rate") for role, c in said.channels.items()}
+            rest = {name: column for name, column in foreign.columns.items() if name not in foreign.places.values()}
+            columns = {places[role]: column for role, column in channels.items()} | rest
+            about = {"units": foreign.units, "roles": {name: role for role, name in places.items()}}
         cache.mkdir(parents=True, exist_ok=True)
         save_columns(columns, about, converted)
     table = open_table(converted, "parquet")
     about = json.loads(table.metadata["pneudrive"])
     return table, about["units"], about.get("roles", {})
-
-
-def _converted(path: Path, said: FileLayout | None) -> tuple[dict[str, Array], dict[str, Any]]:
-    """Return every numeric column by name, and the other properties of an open table."""
-    if said is None:
-        form, values = read_foreign(path)
-        names = form.names if len(set(form.names)) == len(values) else [f"column {at}" for at in range(len(values))]
-        numbers = {name: values[at] for at, name in enumerate(names) if at not in form.words}
-        return numbers, {"units": dict(zip(names, form.units, strict=False))}
-    table, channels = read_channels(path, said, others=True)
-    # A time at a rate has no column.
-    names = {role: table.places.get(column.column, "time at a rate") for role, column in said.channels.items()}
-    rest = {name: column for name, column in table.columns.items() if name not in table.places.values()}
-    about = {"units": table.units, "roles": {name: role for role, name in names.items()}}
-    return {names[role]: values for role, values in channels.items()} | rest, about
 
 
 def _kinds(table: Table, names: Iterable[str]) -> Names:

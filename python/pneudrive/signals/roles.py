@@ -103,8 +103,16 @@ class RoleSearch:
         raw = [column.values for column in read]
         search = cls(form, read, {*form.words}, np.arange(raw[0].size, dtype=float))
         search._find_time()
-        for column in read:
-            column.values = search._on_time(column, raw)
+        for column in read:  # a slow column is filled, and one with a separate clock or start is aligned
+            if column.index in search.taken:
+                continue
+            values, _ = unwrapped(column.values, COUNTERS)
+            if (clock := search.clocks.get(column.index)) is not None:
+                column.values = on_clock(search.time, raw[clock], values)
+            elif late := search._late(column):
+                column.values = on_clock(search.time, search.time + late * search.rate_hz, values)
+            else:
+                column.values = filled(search.time, values)
         search._position()
         if named := [candidate for candidate in search.candidates("command") if "name" in candidate.evidence]:
             search._settle("command", named)
@@ -179,20 +187,6 @@ class RoleSearch:
                 alike = (first for first in last if same_signal(self.columns[first].values, column.values))
                 last[next(alike, column.index)] = column
         return [*last.values()]
-
-    def _on_time(self, column: FileColumn, raw: Sequence[Array]) -> Array:
-        """Return a column at the times of the table.
-
-        A slow column is filled, and a column with a separate clock or start is aligned.
-        """
-        if column.index in self.taken:
-            return column.values
-        values, _ = unwrapped(column.values, COUNTERS)
-        if (clock := self.clocks.get(column.index)) is not None:
-            return on_clock(self.time, raw[clock], values)
-        if late := self._late(column):
-            return on_clock(self.time, self.time + late * self.rate_hz, values)
-        return filled(self.time, values)
 
     def _late(self, column: FileColumn) -> float:
         """Return the start of a channel without times, in s after the start of the first channel."""
@@ -404,18 +398,35 @@ class RoleSearch:
         return "", ASK_CHAMBER
 
     def _unit_of_time(self) -> None:
-        """Find the unit of the time from its numbers if the file does not state it; if that fails, ask."""
-        time, position, metres = self.guess("time"), self.guess("position"), None
+        """Find the unit of the time if the file does not state it; if that fails, ask.
+
+        The unit follows from the step of the samples and the speed of the piston.
+        """
+        time, position, speed = self.guess("time"), self.guess("position"), None
         if time is None or time.source is None or time.unit:
             return
+        steps = np.diff(self.time[np.isfinite(self.time)])
+        step = float(np.median(steps)) if steps.size else 0.0
+        longest = SLOWEST_S
         if position is not None and position.source is not None and position.unit:
             metres = position.source.values * converter(position.unit, "m")[0]
-        unit, reason = unit_by_size(self.time, metres)
-        if unit:
-            self.guesses[0] = replace(time, unit=unit, reason=f"{time.reason}, {reason}")
-        else:
-            del self.guesses[0]
-            self.questions.insert(0, Question("time", reason, (replace(time, unit="s", reason=reason),)))
+            good = np.isfinite(self.time) & np.isfinite(metres)
+            path, span = np.abs(np.diff(metres[good])), np.diff(self.time[good])
+            moving = path > 0.2 * (np.quantile(path, 0.9) if path.size else 0.0)
+            if moving.any() and span[moving].sum() > 0:
+                speed, longest = float(path[moving].sum() / span[moving].sum()), STEPS_S[1]  # m per unit of the time
+        fits = [unit for unit, factor in UNITS_S.items() if STEPS_S[0] <= step * factor <= longest]
+        if speed is not None:
+            fits = [unit for unit in fits if SPEEDS_M_S[0] <= speed / UNITS_S[unit] <= SPEEDS_M_S[1]]
+        if len(fits) == 1:
+            shown = "" if speed is None else f" and {speed / UNITS_S[fits[0]] * 1e3:.3g} mm/s"
+            reason = f"unit from the size of the steps: {step * UNITS_S[fits[0]]:.3g} s{shown}"
+            self.guesses[0] = replace(time, unit=fits[0], reason=f"{time.reason}, {reason}")
+            return
+        which = " or ".join(fits) if fits else "none of s, ms and us fits usual steps and speeds"
+        why = f"the unit of the time is not stated ({which}): state it"
+        del self.guesses[0]
+        self.questions.insert(0, Question("time", why, (replace(time, unit="s", reason=why),)))
 
     def _other_lengths(self) -> None:
         """Ask for channels whose names state an open role, but whose lengths differ from the others."""
@@ -555,37 +566,3 @@ def _rises(some: Array, moduli: Iterable[float]) -> bool:
         return False
     is_coarse = samples_of_a_stamp(some) > 1.0
     return bool((steps >= 0).mean() > RISING and (np.median(steps) > 0 or is_coarse))
-
-
-def unit_by_size(time: Array, position_m: Array | None) -> tuple[str, str]:
-    """Return the unit of a time without a stated unit, from the step of the samples and the speed of the piston.
-
-    Returns
-    -------
-    str, str
-        Unit and evidence; or an empty unit and a question.
-    """
-    steps = np.diff(time[np.isfinite(time)])
-    step = float(np.median(steps)) if steps.size else 0.0
-    speed = _usual_speed(time, position_m)
-    longest = SLOWEST_S if speed is None else STEPS_S[1]
-    fits = [unit for unit, factor in UNITS_S.items() if STEPS_S[0] <= step * factor <= longest]
-    if speed is not None:
-        fits = [unit for unit in fits if SPEEDS_M_S[0] <= speed / UNITS_S[unit] <= SPEEDS_M_S[1]]
-    if len(fits) == 1:
-        shown = "" if speed is None else f" and {speed / UNITS_S[fits[0]] * 1e3:.3g} mm/s"
-        return fits[0], f"unit from the size of the steps: {step * UNITS_S[fits[0]]:.3g} s{shown}"
-    which = " or ".join(fits) if fits else "none of s, ms and us fits usual steps and speeds"
-    return "", f"the unit of the time is not stated ({which}): state it"
-
-
-def _usual_speed(time: Array, position_m: Array | None) -> float | None:
-    """Return the usual speed of the piston, in m per unit of the time."""
-    if position_m is None:
-        return None
-    good = np.isfinite(time) & np.isfinite(position_m)
-    path, span = np.abs(np.diff(position_m[good])), np.diff(time[good])
-    moving = path > 0.2 * (np.quantile(path, 0.9) if path.size else 0.0)
-    if not moving.any() or span[moving].sum() <= 0:
-        return None
-    return float(path[moving].sum() / span[moving].sum())
