@@ -125,13 +125,6 @@ def mean_profile(strokes_n: Array) -> Array:
     return profile
 
 
-def stroke_means(strokes_n: Array, bins: Bools) -> Array:
-    """Return the mean (strokes,) of each stroke over the chosen bins. Missing bins are filled from the profile."""
-    part = strokes_n[:, bins]
-    profile = mean_profile(part)
-    return known_mean(part - profile, axis=1) + np.nanmean(profile)
-
-
 def known_mean(values: Array, axis: int) -> Array:
     """Return the mean of the finite values, or NaN without a warning."""
     known = np.isfinite(values)
@@ -179,22 +172,15 @@ def spread_of(stroke_means_n: Array) -> Spread:
         from scipy.stats import kendalltau
 
         p = float(np.asarray(kendalltau(np.arange(n), values))[1])
-    effective = _effective_number(values, has_trend=p < TREND_LEVEL)
-    return Spread(n, mean, deviation, deviation / np.sqrt(effective), effective, p)
-
-
-def _effective_number(values: Array, *, has_trend: bool) -> float:
-    """Estimate the number of independent strokes. A significant correlation of neighbouring strokes reduces it."""
-    n = values.size
-    away = values - values.mean()
+    # A significant correlation of neighbouring strokes reduces the number of independent strokes.
+    effective, away = float(n), values - values.mean()
     power = away @ away
-    if n < 4 or power == 0:
-        return float(n)
-    r = away[1:] @ away[:-1] / power
-    if not has_trend and r < 1.645 / np.sqrt(n):
-        return float(n)
-    r = float(np.clip(r, 0.0, 0.9))
-    return max(n * (1 - r) / (1 + r), 2.0)
+    if n >= 4 and power != 0:
+        r = away[1:] @ away[:-1] / power
+        if p < TREND_LEVEL or r >= 1.645 / np.sqrt(n):
+            r = float(np.clip(r, 0.0, 0.9))
+            effective = max(n * (1 - r) / (1 + r), 2.0)
+    return Spread(n, mean, deviation, deviation / np.sqrt(effective), effective, p)
 
 
 def pair_stderr(deviation_n: Array, effective: Array) -> Array:

@@ -5,7 +5,7 @@ independent, so their standard uncertainties add as root sum of squares; the exp
 For a row of a recording (one speed level):
 
     stderr_n        type A   `chance_n`: scatter of the strokes' means, at least the noise within the strokes
-    u_systematic_n  type B   `systematic_budget`, `window_entry`: for each source its sensitivity times its uncertainty
+    u_systematic_n  type B   `Level.budget`: for each source its sensitivity times its uncertainty
 
 For a row of a campaign (one cycle):
 
@@ -27,7 +27,7 @@ import numpy as np
 from pneudrive.friction.strokes import CLOCK_S, Side
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Iterable
 
     from pneudrive.arrays import Array, Interval
     from pneudrive.signals.recording import Recording
@@ -42,6 +42,7 @@ ASSUMED_FORCE_OF_LARGEST = 0.002 / np.sqrt(3.0)  # limits of 0.2 % of the larges
 ASSUMED_BORE = 0.002  # of the bore: 0.05 mm on 25 mm
 ASSUMED_ALIGNMENT_RAD = np.deg2rad(1.0)
 ASSUMED_DIRECTION_SHARE = 1.0 / 3.0  # of a sensor's accuracy: changes with direction, so it survives the pairing
+SENSORS = ("pressure_a_pa", "pressure_b_pa", "force_n")  # in the order of the budget
 USUAL_RANGES_PA = np.array([1, 1.6, 2.5, 4, 6, 10, 16, 25, 40, 100]) * 1e5
 
 
@@ -84,14 +85,32 @@ def systematic_budget(
     late_s : float
         Standard uncertainty of the times of the pressures.
     """
+    entries = [entry for channel in SENSORS for entry in _sensor_entries(recording, channel, up, down)]
+    # Areas of the piston.
+    accuracy, basis, unit, note = recording.accuracy, "layout", "m", ""
+    bore = np.sqrt(4 * max(recording.area_a_m2, recording.area_b_m2) / np.pi)
+    if "area" in accuracy:
+        relative, shown, unit = accuracy["area"], accuracy["area"], ""
+    elif "bore_m" in accuracy and bore > 0:
+        relative, shown = 2 * accuracy["bore_m"] / bore, accuracy["bore_m"]
+    else:
+        relative, shown, basis, note = 2 * ASSUMED_BORE, ASSUMED_BORE * bore, "assumed", "0.2 % of the bore"
+    ambient = recording.ambient_pressure_pa
+    half_difference = half_sum = 0.0
+    for side, area in (("a", recording.area_a_m2), ("b", -recording.area_b_m2)):
+        p_up, p_down = (getattr(m, f"pressure_{side}_pa") - ambient for m in (up, down))
+        half_difference += area * (p_up - p_down) / 2
+        half_sum += area * (p_up + p_down) / 2
+    friction, offset = abs(relative * half_difference), abs(relative * half_sum)
+    entries.append(BudgetEntry("bore (area)", float(shown), unit, basis, "B", friction, offset, note))
+    angle = accuracy.get("alignment_rad", float(ASSUMED_ALIGNMENT_RAD))
+    known = "layout" if "alignment_rad" in accuracy else "assumed"
+    turned, shared = (half * angle**2 / 2 for half in _halves(up.force_n, down.force_n))
+    words = "cosine error; friction from a side load is friction of the rig and remains in the result"
+    entries.append(BudgetEntry("alignment of the force axis", angle, "rad", known, "B", turned, shared, words))
     skew, speed = sample_interval_s / np.sqrt(12.0), (abs(up.velocity_m_s) + abs(down.velocity_m_s)) / 2
     turned, words = abs(offset_slope_n_m) * speed * skew, "rectangular over one sampling interval"
-    entries = [
-        *(entry for side in ("a", "b") for entry in _pressure_entries(recording, side, up, down)),
-        *_force_entries(recording, up, down),
-        *_geometry_entries(recording, up, down),
-        BudgetEntry("time skew between channels", skew, "s", "assumed", "B", turned, 0.0, words),
-    ]
+    entries.append(BudgetEntry("time skew between channels", skew, "s", "assumed", "B", turned, 0.0, words))
     if recording.parallel:
         largest = max(f.uncertainty for f in recording.parallel)
         names = ", ".join(f.name for f in recording.parallel)
@@ -119,50 +138,40 @@ def unseen_n(pattern_n: Array, coverage: float) -> float:
     return (1.0 - coverage * (1.0 - BEYOND_SHARE)) * float(known.std()) if known.size else 0.0
 
 
-def window_entry(friction_n: Array, offset_n: Array, coverage: float) -> BudgetEntry:
-    """Return the budget entry for the choice of the window, from friction and offset (bins,) in its bins."""
-    friction, offset = (unseen_n(values, coverage) for values in (friction_n, offset_n))
-    words = "standard deviation over the window times the share of the stroke outside it"
-    return BudgetEntry("choice of the window", 1.0 - coverage, "", "data", "B", friction, offset, words)
-
-
-def _sensor_entries(
-    recording: Recording,
-    channel: str,
-    means: tuple[Side, Side],
-    newton_per_unit: float,
-    assumed: tuple[float, str],
-    largest: float,
-    zero: float = 0.0,
-) -> list[BudgetEntry]:
-    """Return the budget entries of a sensor: common error and hysteresis.
+def _sensor_entries(recording: Recording, channel: str, up: Side, down: Side) -> list[BudgetEntry]:
+    """Return the budget entries of a sensor: common error and hysteresis, or those of a calibration.
 
     In a pair of directions, only the error that changes with direction remains.
 
     The layout states the standard uncertainty of the channel, or it is assumed. At the largest reading, the whole
     accuracy may be an error of gain.
-
-    Parameters
-    ----------
-    recording : Recording
-    channel : str
-    means : tuple of Side
-        In +x and -x.
-    newton_per_unit : float
-    assumed : tuple of float and str
-        Standard uncertainty of a sensor on which the layout states nothing, and the reason for it.
-    largest, zero : float
-        Largest reading above zero, and the reading at zero force.
     """
-    name, unit = channel.rsplit("_", 1)
-    name, unit = name.replace("_", " "), {"pa": "Pa", "n": "N"}[unit]
-    (u, note), basis = assumed, "assumed"
+    values = getattr(recording, channel)
+    if channel == "force_n":
+        known = recording.force_calibration
+        if known is not None:
+            found = known.doubts((up.force_n - down.force_n) / 2.0, (up.force_n + down.force_n) / 2.0)
+            return [
+                BudgetEntry(f"force: {name}", u, "N", "layout", "B", friction, offset, known.words())
+                for name, (u, friction, offset) in found.items()
+            ]
+        name, unit, zero, newton_per_unit = "force", "N", 0.0, 1.0
+        largest = float(np.max(np.abs(values)))
+        u, note = largest * ASSUMED_FORCE_OF_LARGEST, "0.2 % of the largest force, rectangular"
+    else:
+        name, unit, zero = channel.removesuffix("_pa").replace("_", " "), "Pa", recording.ambient_pressure_pa
+        if np.ptp(values) == 0 and channel not in recording.accuracy and abs(values[0] - zero) < 1.0:
+            return []  # open to ambient: not measured, no force
+        newton_per_unit = recording.area_a_m2 if channel == "pressure_a_pa" else recording.area_b_m2
+        largest = usual_range(float(np.max(np.abs(values - zero))))
+        u, note = largest * ASSUMED_PRESSURE_OF_RANGE, f"0.5 % of a {largest / 1e5:g} bar range, rectangular"
+    basis = "assumed"
     if channel in recording.accuracy:
         u, note = recording.accuracy[channel], recording.calibration.get(channel, "")
         basis = "assumed" if note.lower().startswith("assumed") else "layout"
     limits = recording.limits.get(channel)
     reference = max(abs(limit - zero) for limit in limits) if limits else largest
-    change = abs(getattr(means[0], channel) - getattr(means[1], channel)) / 2
+    change = abs(getattr(up, channel) - getattr(down, channel)) / 2
     common = u * newton_per_unit
     left = common * change / reference if reference else 0.0
     hysteresis = common * ASSUMED_DIRECTION_SHARE / float(np.sqrt(2.0))
@@ -174,61 +183,10 @@ def _sensor_entries(
     ]
 
 
-def _pressure_entries(recording: Recording, side: str, up: Side, down: Side) -> list[BudgetEntry]:
-    channel, area = f"pressure_{side}_pa", getattr(recording, f"area_{side}_m2")
-    values, ambient = getattr(recording, channel), recording.ambient_pressure_pa
-    if np.ptp(values) == 0 and channel not in recording.accuracy and abs(values[0] - ambient) < 1.0:
-        return []  # open to ambient: not measured, no force
-    largest = float(np.max(np.abs(values - ambient)))
-    span = usual_range(largest)
-    assumed = span * ASSUMED_PRESSURE_OF_RANGE, f"0.5 % of a {span / 1e5:g} bar range, rectangular"
-    return _sensor_entries(recording, channel, (up, down), area, assumed, span, ambient)
-
-
 def usual_range(largest_pa: float) -> float:
     """Return the smallest usual transducer range that contains a pressure, or the pressure if it exceeds all ranges."""
     above = USUAL_RANGES_PA[largest_pa <= USUAL_RANGES_PA]
     return float(above[0]) if above.size else largest_pa
-
-
-def _force_entries(recording: Recording, up: Side, down: Side) -> list[BudgetEntry]:
-    if recording.force_calibration is not None:
-        known = recording.force_calibration
-        found = known.doubts((up.force_n - down.force_n) / 2.0, (up.force_n + down.force_n) / 2.0)
-        return [
-            BudgetEntry(f"force: {name}", u, "N", "layout", "B", friction, offset, known.words())
-            for name, (u, friction, offset) in found.items()
-        ]
-    largest = float(np.max(np.abs(recording.force_n)))
-    assumed = largest * ASSUMED_FORCE_OF_LARGEST, "0.2 % of the largest force, rectangular"
-    return _sensor_entries(recording, "force_n", (up, down), 1.0, assumed, largest)
-
-
-def _geometry_entries(recording: Recording, up: Side, down: Side) -> list[BudgetEntry]:
-    bore = np.sqrt(4 * max(recording.area_a_m2, recording.area_b_m2) / np.pi)
-    accuracy, basis, unit = recording.accuracy, "layout", "m"
-    if "area" in accuracy:
-        relative, shown, unit = accuracy["area"], accuracy["area"], ""
-    elif "bore_m" in accuracy and bore > 0:
-        relative, shown = 2 * accuracy["bore_m"] / bore, accuracy["bore_m"]
-    else:
-        relative, shown, basis = 2 * ASSUMED_BORE, ASSUMED_BORE * bore, "assumed"
-    ambient = recording.ambient_pressure_pa
-    half_difference = half_sum = 0.0
-    for side, area in (("a", recording.area_a_m2), ("b", -recording.area_b_m2)):
-        p_up, p_down = (getattr(m, f"pressure_{side}_pa") - ambient for m in (up, down))
-        half_difference += area * (p_up - p_down) / 2
-        half_sum += area * (p_up + p_down) / 2
-    note = "" if basis == "layout" else "0.2 % of the bore"
-    friction, offset = abs(relative * half_difference), abs(relative * half_sum)
-    angle = accuracy.get("alignment_rad", float(ASSUMED_ALIGNMENT_RAD))
-    known = "layout" if "alignment_rad" in accuracy else "assumed"
-    turned, shared = (half * angle**2 / 2 for half in _halves(up.force_n, down.force_n))
-    words = "cosine error; friction from a side load is friction of the rig and remains in the result"
-    return [
-        BudgetEntry("bore (area)", float(shown), unit, basis, "B", friction, offset, note),
-        BudgetEntry("alignment of the force axis", angle, "rad", known, "B", turned, shared, words),
-    ]
 
 
 def chance_n(scatter_n: Array | float, noise_n: Array | float) -> Array:
@@ -268,11 +226,6 @@ class SharedTerms:
         return np.sqrt(self.gain_n**2 + self.hysteresis_n**2 + self.position_n**2)
 
 
-def combined(entries: Sequence[BudgetEntry]) -> tuple[float, float]:
-    """Return the standard uncertainties of friction and offset from independent sources."""
-    return _root(e.friction_n for e in entries), _root(e.offset_n for e in entries)
-
-
 def stated_shares(
     recording: Recording,
     up: Side,
@@ -302,17 +255,18 @@ def stated_shares(
     named = entries if recording.force_calibration is not None else []
     offsets = {e.source: e.offset_n * readings.get(e.source, 0.0) for e in shared}
     return {
-        "u_gain_n": _root(e.friction_n for e in shared if not e.source.endswith(constant)),
-        "u_hysteresis_n": _root(changing),
-        "u_offset_n": _root(offsets.values()),
+        "u_gain_n": combined_n(e.friction_n for e in shared if not e.source.endswith(constant)),
+        "u_hysteresis_n": combined_n(changing),
+        "u_offset_n": combined_n(offsets.values()),
         **{f"u_pressure_{c}_n": offsets.get(f"pressure {c}: common error", 0.0) for c in "ab"},
         **{e.source: e.friction_n for e in named if e.source.startswith("force: ")},
-        "u_air_n": _root(e.friction_n for e in entries if e.source.startswith(("pressure", "bore"))),
+        "u_air_n": combined_n(e.friction_n for e in entries if e.source.startswith(("pressure", "bore"))),
         "assumed": any(e.source == "force: common error" and e.basis == "assumed" for e in entries),
     }
 
 
-def _root(parts: Iterable[float]) -> float:
+def combined_n(parts: Iterable[float]) -> float:
+    """Return the combined standard uncertainty, in N, of the parts from independent sources."""
     return float(np.sqrt(sum(part**2 for part in parts)))
 
 

@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import chain, combinations
+from itertools import chain, combinations, product
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -19,14 +19,14 @@ from pneudrive.files.inputs import INPUTS, stored_input
 from pneudrive.friction import level as reduction
 from pneudrive.friction import pressure
 from pneudrive.friction.budget import CLOCKS
-from pneudrive.friction.friction_map import AMBIENT, SAME_PA, rows_to_dataset
+from pneudrive.friction.friction_map import AMBIENT, COLUMNS, SAME_PA, columns_to_dataset
 from pneudrive.friction.level import Level, RecordingResult
 from pneudrive.friction.sentences import named, sentence
 from pneudrive.friction.strokes import SampleChoice, Settled, StrokeUse, stroke_notes
 from pneudrive.lazy_names import upper
 from pneudrive.progress import Flag, Progress, Watch
 from pneudrive.signals.layout import AnyLayout
-from pneudrive.signals.load import RecordingFile, digest_of, find_cycles, find_long, from_run, is_run, recording_files
+from pneudrive.signals.load import RecordingFile, digest_of, find_cycles, from_run, is_run, recording_files
 from pneudrive.signals.recording import CHANNELS, Recording
 from pneudrive.views import View, Viewed
 
@@ -69,100 +69,48 @@ def _stick_slip_note(level: Level) -> str:
     return sentence("note.stick_slip", name=level.recording, period_s=period_s, step_mm=1e3 * step_m, **speeds)
 
 
-def _doubts(levels: Iterable[Level]) -> list[str]:
-    """Return one sentence for each kind of doubtful value: recordings, and the doubt of the first one."""
-    found: dict[str, dict[str, str]] = {}
-    for level in levels:
-        for flag, doubt in level.doubts.items():
-            found.setdefault(flag, {}).setdefault(level.recording, doubt)
-    of_flags = ((named(doubts), next(iter(doubts.values()))) for doubts in found.values())
-    return [sentence("note.check_layout", names=names, doubt=doubt) for names, doubt in of_flags]
-
-
 LEAST_SPEEDS = 3  # speed levels of a direction that make its friction a curve over speed
 NEAR = 0.1  # speeds within this ratio are compared
 BEYOND_U = 0.0455  # probability of a normal value beyond U (k = 2)
 
 
-def _differences(results: tuple[RecordingResult, ...]) -> list[str]:
+def _differences(results: Sequence[RecordingResult]) -> list[str]:
     """Return a note on the two recordings of one assembly that differ most in friction.
 
     Recordings with several speeds are compared. If there are three or more, only those at equal pressures are compared,
     because pressure changes friction. The uncertainty of the difference is that of all comparisons together.
+
+    Common error sources are fully correlated between both levels of a comparison, except clocks of loggers.
     """
     every: list[tuple[float, Row]] = []
-    for first, second in combinations(results, 2):
-        one, other = first.levels[0], second.levels[0]
-        is_apart = any(abs(one.gauge_pa[side] - other.gauge_pa[side]) > SAME_PA for side in "ab")
-        if one.seal != other.seal or (is_apart and len(results) > 2):
+    for (first, second), way in product(combinations(results, 2), (1, -1)):
+        a, b = first.levels[0], second.levels[0]
+        is_apart = any(abs(a.gauge_pa[side] - b.gauge_pa[side]) > SAME_PA for side in "ab")
+        if a.seal != b.seal or (is_apart and len(results) > 2):
             continue
-        every += [_difference(*pair, way) for way in (1, -1) for pair in _near(first.levels, second.levels, way)]
+        ours, others = ([level for level in result.levels if way in level.sides] for result in (first, second))
+        if min(len(ours), len(others)) < LEAST_SPEEDS:
+            continue
+        for one in ours:  # with the level of about the same speed
+            other = others[int(np.argmin([abs(level.speed_m_s - one.speed_m_s) for level in others]))]
+            if abs(one.speed_m_s - other.speed_m_s) >= NEAR * one.speed_m_s:
+                continue
+            sources = [
+                {e.source: e.friction_n if len(level.sides) == 2 else e.offset_n for e in level.budget}
+                for level in (one, other)
+            ]
+            names = [name for name in sources[0] | sources[1] if name != CLOCKS]
+            apart = [sources[0].get(name, 0.0) - sources[1].get(name, 0.0) for name in names]
+            clocks = [source.get(CLOCKS, 0.0) for source in sources]
+            u_n = float(np.linalg.norm([one.stderr_n, other.stderr_n, *apart, *clocks]))
+            off_n = abs(one.friction_n - other.friction_n)
+            values = {"first": one.recording, "second": other.recording, "speed_mm_s": 1e3 * one.speed_m_s, "u_n": u_n}
+            values |= {"first_n": one.friction_n, "second_n": other.friction_n, "way": "+x" if way > 0 else "-x"}
+            values |= {"off_n": off_n, "percent": 100.0 * off_n / abs(one.friction_n)}
+            every.append((off_n / u_n, values))
     reach = student(0, 1.0 - BEYOND_U / max(len(every), 1))
     off, values = max(every, key=lambda one: one[0], default=(0.0, {}))
     return [sentence("note.differ", **values, count=len(every), half_n=reach * values["u_n"])] if off > reach else []
-
-
-def _near(first: tuple[Level, ...], second: tuple[Level, ...], way: int) -> list[tuple[Level, Level]]:
-    """Return the pairs of levels with about the same speed in a direction; empty without curves over speed."""
-    ours, others = ([level for level in levels if way in level.sides] for levels in (first, second))
-    if min(len(ours), len(others)) < LEAST_SPEEDS:
-        return []
-    pairs = [(one, min(others, key=lambda other: abs(other.speed_m_s - one.speed_m_s))) for one in ours]
-    return [(a, b) for a, b in pairs if abs(a.speed_m_s - b.speed_m_s) < NEAR * a.speed_m_s]
-
-
-def _difference(one: Level, other: Level, way: int) -> tuple[float, Row]:
-    """Return the difference divided by its standard uncertainty, and the values for a note.
-
-    Common error sources are fully correlated between both levels, except clocks of loggers.
-    """
-    first, second = (
-        {e.source: e.friction_n if len(level.sides) == 2 else e.offset_n for e in level.budget}
-        for level in (one, other)
-    )
-    apart = [first.get(name, 0.0) - second.get(name, 0.0) for name in first | second if name != CLOCKS]
-    clocks = [share.get(CLOCKS, 0.0) for share in (first, second)]
-    u_n = float(np.linalg.norm([one.stderr_n, other.stderr_n, *apart, *clocks]))
-    off_n = abs(one.friction_n - other.friction_n)
-    values = {"first": one.recording, "second": other.recording, "speed_mm_s": 1e3 * one.speed_m_s, "u_n": u_n}
-    values |= {"first_n": one.friction_n, "second_n": other.friction_n, "way": "+x" if way > 0 else "-x"}
-    return off_n / u_n, values | {"off_n": off_n, "percent": 100.0 * off_n / abs(one.friction_n)}
-
-
-def notes_of(found: Characterisation) -> list[str]:
-    """Return the notes on all recordings together."""
-    levels, results = found.levels, found.results
-    speeds = np.abs(found.friction_map["velocity_m_s"].to_numpy()) * 1e3
-    notes = [sentence("note.measured", low=speeds.min(), high=speeds.max())]
-    notes += [
-        sentence("note.delay", name=result.recording.name, delay=result.delay)
-        for result in results
-        if result.delay is not None and result.delay.is_clear
-    ]
-    together = _speed_with_pressure(found)
-    if abs(together) > pressure.CONFOUNDED:
-        notes.append(sentence("note.confounded", word="falls" if together < 0 else "rises", together=together))
-    gauges = [item for level in levels for item in level.gauge_pa.items()]
-    under_pressure = {side for side, gauge in gauges if abs(gauge) > pressure.MINIMUM_RANGE_PA}
-    notes += [sentence("note.one_side")] if len(under_pressure) == 1 else []
-    notes += _doubts(levels)
-    assumed = {e.source for level in levels for e in level.budget if e.basis == "assumed" and e.friction_n + e.offset_n}
-    massless = not any(result.recording.mass_beyond_sensor_kg for result in results)
-    assumed |= {"mass between force sensor and piston (`mass_beyond_sensor`): 0 kg"} if massless else set()
-    counts = Counter[str]()
-    for result in results:
-        counts.update(result.recording.flags)
-    doubts = {
-        "counts": [f"{count} {kind}" for kind, count in counts.items() if count],
-        "negative": [level.recording for level in levels if "negative_friction" in level.flags],
-        "assumed": sorted(assumed),
-        "larger_offset": [level.recording for level in levels if abs(level.offset_n) > level.friction_n],
-    }
-    notes += [sentence(f"note.{key}", names=", ".join(dict.fromkeys(some))) for key, some in doubts.items() if some]
-    notes += _differences(results)
-    notes += [line.statement for line in found.pressure_lines]
-    notes += [_stick_slip_note(level) for level in levels if "stick_slip" in level.flags]
-    return [*notes, *([] if found.closures else [sentence("note.no_closure")])]
 
 
 KEPT_IN_FULL = 300  # recordings; the samples of a larger campaign are not kept
@@ -251,12 +199,50 @@ class Characterisation(Viewed):
     @cached_property
     def notes(self) -> tuple[str, ...]:
         """Cautions in sentences."""
-        return (*self.reading_notes, *stroke_notes(self.stroke_uses), *notes_of(self))
+        levels, results = self.levels, self.results
+        speeds = np.abs(self.friction_map["velocity_m_s"].to_numpy()) * 1e3
+        notes = [*self.reading_notes, *stroke_notes(self.stroke_uses)]
+        notes.append(sentence("note.measured", low=speeds.min(), high=speeds.max()))
+        notes += [
+            sentence("note.delay", name=result.recording.name, delay=result.delay)
+            for result in results
+            if result.delay is not None and result.delay.is_clear
+        ]
+        together = _speed_with_pressure(self)
+        if abs(together) > pressure.CONFOUNDED:
+            notes.append(sentence("note.confounded", word="falls" if together < 0 else "rises", together=together))
+        gauges = [item for level in levels for item in level.gauge_pa.items()]
+        under_pressure = {side for side, gauge in gauges if abs(gauge) > pressure.MINIMUM_RANGE_PA}
+        notes += [sentence("note.one_side")] if len(under_pressure) == 1 else []
+        notes += self.doubts
+        sources = [source for level in levels for source in level.budget]
+        assumed = {e.source for e in sources if e.basis == "assumed" and e.friction_n + e.offset_n}
+        massless = not any(result.recording.mass_beyond_sensor_kg for result in results)
+        assumed |= {"mass between force sensor and piston (`mass_beyond_sensor`): 0 kg"} if massless else set()
+        counts = Counter[str]()
+        for result in results:
+            counts.update(result.recording.flags)
+        doubts = {
+            "counts": [f"{count} {kind}" for kind, count in counts.items() if count],
+            "negative": [level.recording for level in levels if "negative_friction" in level.flags],
+            "assumed": sorted(assumed),
+            "larger_offset": [level.recording for level in levels if abs(level.offset_n) > level.friction_n],
+        }
+        notes += [sentence(f"note.{key}", names=", ".join(dict.fromkeys(some))) for key, some in doubts.items() if some]
+        notes += _differences(results)
+        notes += [line.statement for line in self.pressure_lines]
+        notes += [_stick_slip_note(level) for level in levels if "stick_slip" in level.flags]
+        return (*notes, *([] if self.closures else [sentence("note.no_closure")]))
 
     @property
     def doubts(self) -> list[str]:
-        """Sentences on physically implausible values, each with a check."""
-        return _doubts(self.levels)
+        """Sentences on physically implausible values, each with a check: the doubt of the first recording."""
+        found: dict[str, dict[str, str]] = {}
+        for level in self.levels:
+            for flag, doubt in level.doubts.items():
+                found.setdefault(flag, {}).setdefault(level.recording, doubt)
+        of_flags = ((named(doubts), next(iter(doubts.values()))) for doubts in found.values())
+        return [sentence("note.check_layout", names=names, doubt=doubt) for names, doubt in of_flags]
 
     def view(self) -> View:
         """Return the values of each speed level, flags with remedies, and figures of friction and force balance."""
@@ -296,7 +282,7 @@ def characterise_recordings(
     """
     import polars as pl
 
-    choice = protocol if protocol is not None else Settled()
+    choice = protocol or Settled()
     watch, (number, sources) = Watch(progress, cancel), _sources(recordings, layout)
     is_large = number > KEPT_IN_FULL
     shown = evenly(number, SHOWN) if is_large else np.arange(number)
@@ -305,14 +291,13 @@ def characterise_recordings(
     seen, long = dict[str, str](), list[str]()
     for place, source in enumerate(sources):
         watch.tell(place, number, "recordings characterised")
-        name, recording = source.name, source
+        name = source.name
         try:
-            if isinstance(source, RecordingFile):
-                recording = find_long(source, reduction.LONG_SAMPLES) or source.read()
-            if isinstance(recording, RecordingFile):
+            if isinstance(source, RecordingFile) and source.span[1] > reduction.LONG_SAMPLES:
                 long.append(name)
-                result = reduction.extract_long(recording, choice, watch)
+                result = reduction.extract_long(source, choice, watch)
             else:
+                recording = source.read() if isinstance(source, RecordingFile) else source
                 digest = digest_of(getattr(recording, channel) for channel in ("time_s", *CHANNELS))
                 if digest in seen:  # recordings with equal samples count once
                     skipped.append((name, f"identical to {seen[digest]}"))
@@ -330,28 +315,22 @@ def characterise_recordings(
         inputs.append(stored_input("recording", name, result.recording.source, result.recording.sha256))
         results += [result] if place in shown else []
     watch.tell(number, number, "recordings characterised")
-    friction_map, table = _map_of(rows, skipped), pl.DataFrame(points, infer_schema_length=None)
+    if not rows:
+        raise RecordingError("no recording could be used", value="; ".join(map(": ".join, skipped[:3])))
+    friction_map = columns_to_dataset({name: [row[name] for row in rows] for name in (*COLUMNS, "labels")})
     synthetic = any(result.recording.synthetic for result in results)
+    ambient = [result.recording.ambient_pressure_pa for result in results]
     friction_map.attrs |= {"protocol": choice.name, "synthetic": synthetic, INPUTS: inputs}
-    if results:
-        friction_map.attrs[AMBIENT] = float(np.mean([result.recording.ambient_pressure_pa for result in results]))
+    friction_map.attrs |= {AMBIENT: float(np.mean(ambient))} if ambient else {}
     return Characterisation(
         results=tuple(results),
         friction_map=friction_map,
-        table=table,
+        table=pl.DataFrame(points, infer_schema_length=None),
         reading_notes=tuple(_reading_notes(len(uses), len(results), skipped, long, large=is_large)),
         skipped=tuple(skipped),
         protocol=choice.name,
         stroke_uses=uses,
     )
-
-
-def _map_of(rows: list[Row], skipped: list[tuple[str, str]]) -> xr.Dataset:
-    """Return the friction map of the rows. Without rows, the error states why recordings were skipped."""
-    if not rows:
-        reasons = "; ".join(f"{name}: {why}" for name, why in skipped[:3])
-        raise RecordingError("no recording could be used", value=reasons)
-    return rows_to_dataset(rows)
 
 
 def _sources(recordings: Input, layout: AnyLayout) -> tuple[int, Iterable[Recording | RecordingFile]]:

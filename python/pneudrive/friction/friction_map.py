@@ -36,22 +36,14 @@ ADDED = (AMBIENT, "strokes_recorded")  # missing from maps of earlier versions
 FILE = "file"  # attribute: path of the map
 
 
-def rows_to_dataset(rows: list[Row]) -> xr.Dataset:
-    """Return the rows and their ``labels`` as a Dataset. Each label is a column of texts."""
-    found = columns_to_dataset({name: [row[name] for row in rows] for name in COLUMNS})
-    about = {"units": "", "long_name": "label of the recording"}
-    for name in dict.fromkeys(name for row in rows for name in row["labels"]):
-        found[name] = ("row", np.array([row["labels"].get(name, "") for row in rows], dtype=object), about)
-    return found
-
-
 def columns_to_dataset(columns: Mapping[str, Sequence | np.ndarray], about: Mapping = COLUMNS) -> xr.Dataset:
     """Return the columns of equal length as a Dataset with one dimension ``row`` and a unit on every variable.
 
     Parameters
     ----------
     columns : mapping
-        Name -> values; names missing from `about` are left out.
+        Name -> values; names missing from `about` are left out. ``labels`` has the labels of the recording of each row;
+        each label becomes a further variable of texts.
     about : mapping
         Name -> (unit, meaning), in the order of the variables. Without a unit: text; counts ("1"): whole numbers.
     """
@@ -62,6 +54,10 @@ def columns_to_dataset(columns: Mapping[str, Sequence | np.ndarray], about: Mapp
         if name in columns:
             kind = {"": object, "1": np.int64}.get(unit, np.float64)
             variables[name] = ("row", np.asarray(columns[name], dtype=kind), {"units": unit, "long_name": meaning})
+    labels = columns.get("labels", ())
+    for name in dict.fromkeys(name for row in labels for name in row):
+        texts = np.array([row.get(name, "") for row in labels], dtype=object)
+        variables[name] = ("row", texts, {"units": "", "long_name": "label of the recording"})
     upper("Pneu")  # registers `map.pneu`
     return xr.Dataset(variables, attrs={"title": "friction map"})
 

@@ -21,14 +21,22 @@ import numpy as np
 from pneudrive.batching import in_advance
 from pneudrive.errors import RecordingError
 from pneudrive.friction.bins import MIDDLE, Profile, Spread, pair_stderr, profile_stderr, spread_of, within_stderr
-from pneudrive.friction.budget import COVERAGE_FACTOR, BudgetEntry, chance_n, combined, systematic_budget, window_entry
+from pneudrive.friction.budget import COVERAGE_FACTOR, BudgetEntry, chance_n, combined_n, systematic_budget, unseen_n
 from pneudrive.friction.friction_map import TABLES, group_of
 from pneudrive.friction.sentences import sentence
 from pneudrive.friction.stick_slip import RIPPLE_LIMIT, ReversalPeak, StickSlip
-from pneudrive.friction.strokes import RecordedMotion, SampleChoice, Side, Strokes, StrokeUse, stroke_grid, stroke_use
+from pneudrive.friction.strokes import (
+    COVERED_SHARE,
+    RecordedMotion,
+    SampleChoice,
+    Side,
+    Strokes,
+    StrokeUse,
+    stroke_grid,
+)
 from pneudrive.numbers import plain
 from pneudrive.progress import Watch
-from pneudrive.repr_tables import Card, Shown
+from pneudrive.repr_tables import Card, Shown, brief
 from pneudrive.signals.motion import Stroke, middle, speed_levels, speeds_differ, straight_line
 from pneudrive.signals.pressure_delay import pressure_delay
 from pneudrive.signals.recording import PRESSURES_PA, SLOWEST_M_S, SPEEDS_M_S, Recording, clean
@@ -68,7 +76,6 @@ class Level(Shown):
         Used strokes by direction, +1 or -1.
     bins : ndarray of bool, shape (m,)
         Bins of the window covered by all directions.
-    budget : tuple of BudgetEntry
     """
 
     motion: RecordedMotion
@@ -77,7 +84,6 @@ class Level(Shown):
     table: Strokes
     sides: dict[int, Side]
     bins: Bools
-    budget: tuple[BudgetEntry, ...]
 
     @property
     def recording(self) -> str:
@@ -90,7 +96,9 @@ class Level(Shown):
         return self.motion.recording.ambient_pressure_pa
 
     def _card(self) -> Card:
-        return super()._card()._replace(title=f"speed level {self.index + 1} of {self.recording}")
+        card = super()._card()
+        rows = [*card.rows, ("budget", brief(self.budget))]
+        return card._replace(title=f"speed level {self.index + 1} of {self.recording}", rows=rows)
 
     @property
     def kept(self) -> tuple[MeasuredStroke, ...]:
@@ -111,16 +119,17 @@ class Level(Shown):
     @property
     def friction_n(self) -> float:
         """Half the difference of both directions, in N. For a single direction, its balance against the motion."""
-        if len(self.sides) == 2:
-            return (self.spreads[1].mean_n - self.spreads[-1].mean_n) / 2
-        (only,) = self.sides
-        return only * self.spreads[only].mean_n
+        means_n = {way: side.spread.mean_n for way, side in self.sides.items()}
+        if len(means_n) == 2:
+            return (means_n[1] - means_n[-1]) / 2
+        ((way, only_n),) = means_n.items()
+        return way * only_n
 
     @property
     def offset_n(self) -> float:
         """Half the sum of both directions, in N; NaN for a single direction."""
-        paired = len(self.sides) == 2
-        return (self.spreads[1].mean_n + self.spreads[-1].mean_n) / 2 if paired else np.nan
+        means_n = {way: side.spread.mean_n for way, side in self.sides.items()}
+        return (means_n[1] + means_n[-1]) / 2 if len(means_n) == 2 else np.nan
 
     @cached_property
     def stderr_n(self) -> float:
@@ -133,21 +142,38 @@ class Level(Shown):
             (side,) = self.sides.values()
             scatter, single, inside = side.spread.stderr_n, rows[0][0], within_stderr(rows[0])
         else:
-            known = [(spread.deviation_n, spread.effective) for spread in self.spreads.values()]
+            known = [(side.spread.deviation_n, side.spread.effective) for side in self.sides.values()]
             deviation, effective = np.array(known).T[:, None]
             scatter, single = pair_stderr(deviation, effective)[0], self.profile.friction_n[self.bins]
             inside = np.sqrt(sum(within_stderr(matrix) ** 2 for matrix in rows)) / 2
         return float(chance_n(scatter, inside if np.isfinite(scatter) else profile_stderr(single)))
 
     @cached_property
+    def budget(self) -> tuple[BudgetEntry, ...]:
+        """Systematic sources of the uncertainty. A missing direction is taken to be equal to the other one."""
+        only, profile, bins = next(iter(self.sides.values())), self.profile, self.bins
+        up, down = (self.sides.get(way, only) for way in (1, -1))
+        known = bins & np.isfinite(profile.offset_n)
+        slope = straight_line(profile.position_m[known], profile.offset_n[known])[0] if known.any() else 0.0
+        recording, interval = self.motion.recording, middle(np.diff(self.motion.time_s))
+        entries = systematic_budget(recording, up, down, slope, interval, self.motion.late_s)
+        single = profile.up_n if 1 in self.sides else profile.down_n
+        patterns = (profile.friction_n, profile.offset_n) if len(self.sides) == 2 else (single, single)
+        coverage = float(bins.mean())
+        friction, offset = (unseen_n(pattern[bins], coverage) for pattern in patterns)
+        words = "standard deviation over the window times the share of the stroke outside it"
+        window = BudgetEntry("choice of the window", 1.0 - coverage, "", "data", "B", friction, offset, words)
+        return (*entries, window)
+
+    @cached_property
     def u_offset_n(self) -> float:
         """Systematic standard uncertainty of the offset."""
-        return combined(self.budget)[1]
+        return combined_n(entry.offset_n for entry in self.budget)
 
     @cached_property
     def u_systematic_n(self) -> float:
         """Systematic standard uncertainty of friction. For a single direction, it equals that of the offset."""
-        return combined(self.budget)[0] if len(self.sides) == 2 else self.u_offset_n
+        return combined_n(entry.friction_n for entry in self.budget) if len(self.sides) == 2 else self.u_offset_n
 
     @property
     def expanded_n(self) -> float:
@@ -279,32 +305,6 @@ class RecordingResult(RecordedMotion, Shown):
     stroke_use: StrokeUse
 
 
-def level_of(motion: RecordedMotion, index: int, table: Strokes, window_m: Interval) -> Level | None:
-    """Evaluate one speed class. Return None if no stroke is usable, or the directions have no common bin.
-
-    Parameters
-    ----------
-    motion : RecordedMotion
-        Samples that are kept.
-    index : int
-    table : Strokes
-    window_m : tuple of float
-    """
-    sides, bins = table.sides(uses_window=motion.choice.uses_window)
-    if not sides:
-        return None
-    # A missing direction is taken to be equal to the other one.
-    only, profile = next(iter(sides.values())), table.profile
-    up, down = (sides.get(way, only) for way in (1, -1))
-    known = bins & np.isfinite(profile.offset_n)
-    slope = straight_line(profile.position_m[known], profile.offset_n[known])[0] if known.any() else 0.0
-    entries = systematic_budget(motion.recording, up, down, slope, middle(np.diff(motion.time_s)), motion.late_s)
-    single = profile.up_n if 1 in sides else profile.down_n
-    friction, offset = (profile.friction_n, profile.offset_n) if len(sides) == 2 else (single, single)
-    window = window_entry(friction[bins], offset[bins], float(bins.mean()))
-    return Level(motion, index, window_m, table, sides, bins, (*entries, window))
-
-
 LONG_SAMPLES = 4_000_000  # samples above which a recording is read part by part
 PART_SAMPLES = 1_000_000
 LEAST_STROKES = 4  # strokes in a part: the one before, one that is counted, and two for the start of the next part
@@ -336,7 +336,7 @@ def extract_long(file: RecordingFile, choice: SampleChoice, watch: Watch) -> Rec
     Parameters
     ----------
     file : RecordingFile
-        A long recording from `pneudrive.signals.load.find_long`.
+        A file that can be read in parts (`RecordingFile.span`).
     choice : SampleChoice
     watch : Watch
         Receives the number of rows done.
@@ -387,17 +387,28 @@ def _result(
 ) -> RecordingResult:
     """Make the levels of the speed classes, and count the used strokes.
 
+    A speed class without usable strokes, or without a bin common to its directions, has no level.
+
     Raises
     ------
     RecordingError
         If no speed class has settled samples in the window.
     """
-    levels, usable = [], dict[int, bool]()
+    levels, used, apart, low_m, high_m = list[Level](), set[int](), set[int](), *window
     for table in tables:
-        level = level_of(motion, len(levels), table, window)
-        levels += [level] if level is not None else []
-        usable |= {id(row.stroke): level is not None for row in table.rows if row.means}
-    use = stroke_use(strokes, usable, window)
+        sides, bins = table.sides(uses_window=motion.choice.uses_window)
+        levels += [Level(motion, len(levels), window, table, sides, bins)] if sides else []
+        settled = {id(row.stroke) for row in table.rows if row.means}
+        (used if sides else apart).update(settled)
+    left_out = dict.fromkeys(("window", "unsettled", "apart"), 0)
+    for stroke in strokes:
+        low, high = sorted((stroke.from_m, stroke.to_m))
+        if id(stroke) in apart:
+            left_out["apart"] += 1
+        elif id(stroke) not in used:
+            is_narrow = min(high, high_m) - max(low, low_m) < COVERED_SHARE * (high_m - low_m)
+            left_out["window" if is_narrow else "unsettled"] += 1
+    use = StrokeUse(len(strokes), {reason: count for reason, count in left_out.items() if count})
     if not levels:
         low, high = (1e3 * end for end in window)
         raise RecordingError.of("friction.unsettled", where=motion.recording.name, low=low, high=high, use=use)
@@ -434,7 +445,7 @@ def _parts(file: RecordingFile, choice: SampleChoice, watch: Watch) -> Iterator[
     for block, read in zip(blocks, in_advance(file.rows, blocks, 1, ahead=1), strict=True):
         watch.tell(block[0], count, f"rows of {name}")
         raw = {channel: np.concatenate((left[channel], new)) if left else new for channel, new in read.items()}
-        recording = file.part(raw)
+        recording = file.read(raw)
         motion = RecordedMotion.of(clean(recording), choice)
         is_last, n = block is blocks[-1], len(motion.strokes)
         if not is_last and n < LEAST_STROKES:

@@ -328,6 +328,8 @@ def _line(title: str, points: pl.DataFrame, spread: RunSpread | None) -> Pressur
     intercept_n, slope_n_pa = float(solution[0]), float(solution[1] / scale)
     covariance = unit @ (inverse * variance) @ unit
     half_n, half_n_pa = (student(freedom) * np.sqrt(np.diag(covariance))).tolist()
+    word = "falls" if together < 0 else "rises"
+    confounded = sentence("pressure_line.confounded", word=word, together=together)
     return PressureLine(
         seal=title,
         table=points,
@@ -347,13 +349,6 @@ def _line(title: str, points: pl.DataFrame, spread: RunSpread | None) -> Pressur
             intercept=with_u(intercept_n, half_n),
             rise=with_u(slope_n_pa * 1e5, half_n_pa * 1e5, "N/bar"),
             interval=sentence(f"pressure_line.{basis}", percent=0.0 if spread is None else 100 * spread.relative),
-            confounded=_confounded(together),
+            confounded=confounded if abs(together) > CONFOUNDED else "",
         ),
     )
-
-
-def _confounded(together: float) -> str:
-    """Return a sentence for speeds that correlate with pressure; empty for a weak correlation."""
-    if abs(together) <= CONFOUNDED:
-        return ""
-    return sentence("pressure_line.confounded", word="falls" if together < 0 else "rises", together=together)

@@ -15,7 +15,7 @@ from pneudrive.signals import motion
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from pneudrive.arrays import Array, Bools, Row
+    from pneudrive.arrays import Array, Bools
     from pneudrive.friction.bins import Profile
     from pneudrive.signals.recording import Recording
 
@@ -241,7 +241,13 @@ def measure_stick_slip(time_s: Array, position_m: Array, velocity_m_s: Array | N
     mean = abs(distance) / duration if duration > 0 else 0.0
     step, half_width = duration / max(time_s.size - 1, 1), 0
     if velocity_m_s is None:
-        half_width = _smoothing(step, position_m, mean)
+        # Noise of the position causes at most 5 % of the mean speed. The variance of the slope of a line through
+        # 2 h + 1 points is 3 noise^2 / (h (h + 1) (2 h + 1) step^2).
+        half_width, widths = 1, np.arange(1.0, max(position_m.size // 20, 2))
+        if mean > 0 and step > 0:
+            spread = motion.noise_level(position_m) * np.sqrt(3.0 / (widths * (widths + 1) * (2 * widths + 1))) / step
+            enough = widths[spread <= 0.05 * mean]
+            half_width = int(enough[0]) if enough.size else max(position_m.size // 20, 1)
         velocity_m_s = motion.local_slope(time_s, position_m, half_width)
     speed = direction * velocity_m_s
     weights = np.gradient(time_s)  # duration that each sample represents
@@ -270,56 +276,11 @@ def measure_stick_slip(time_s: Array, position_m: Array, velocity_m_s: Array | N
     )
 
 
-def _smoothing(step: float, position_m: Array, mean: float) -> int:
-    """Return the half width of the slope window at which position noise causes at most 5 % of the mean speed.
-
-    The samples are `step` s apart.
-    """
-    noise = motion.noise_level(position_m)
-    if mean <= 0 or step <= 0:
-        return 1
-    # Slope of a line through 2 h + 1 points: variance 3 noise^2 / (h (h + 1) (2 h + 1) step^2).
-    for half_width in range(1, max(position_m.size // 20, 2)):
-        spread = noise * np.sqrt(3.0 / (half_width * (half_width + 1) * (2 * half_width + 1))) / step
-        if spread <= 0.05 * mean:
-            return half_width
-    return max(position_m.size // 20, 1)
-
-
 def slip_onsets(stuck: Bools, slipping: Bools) -> list[int]:
     """Return the first sample of each slip after a stick. Other samples are ignored."""
     decided = np.flatnonzero(stuck | slipping)
     slips = slipping[decided]
     return decided[1:][slips[1:] & ~slips[:-1]].tolist()
-
-
-def stroke_slip(recording: Recording, stroke: motion.Stroke) -> tuple[StickSlip, StickSlip | None] | None:
-    """Measure the sliding of axis and piston in the middle 80 % of a stroke; None with too few samples.
-
-    The axis may move steadily while the piston behind a soft force sensor does not. If the stiffness is known, the
-    piston's position is the axis position minus the deflection. Otherwise, there is only a result for the axis.
-    """
-    part = middle_of(stroke, recording.position_m)
-    if part is None:
-        return None
-    time, position, force = _even(recording.time_s[part], recording.position_m[part], recording.force_n[part])
-    stiffness = recording.stiffness_n_m
-    piston = measure_stick_slip(time, position - force / stiffness) if stiffness else None
-    return measure_stick_slip(time, position), piston
-
-
-def sliding_of(slips: Sequence[tuple[StickSlip, StickSlip | None]]) -> Row:
-    """Return the fields of `Side` on ripple and stick-slip: of axis or piston, whichever sticks in more strokes."""
-    axis, piston = [axis for axis, _ in slips], [piston for _, piston in slips if piston is not None]
-    seen = max((axis, piston), key=lambda some: sum(s.found for s in some))
-    slipping = bool(seen) and sum(s.found for s in seen) > 0.5 * len(seen)
-    return {
-        "ripple": median([s.ripple for s in axis]),
-        "period_s": median([s.period_s for s in seen if slipping]),
-        "step_m": median([s.step_m for s in seen if slipping]),
-        "piston_ripple": median([s.ripple for s in piston]),
-        "stick_slip": slipping,
-    }
 
 
 def swing_of(position_m: Array, balance_n: Array, strokes: Sequence[motion.Stroke]) -> float:
@@ -328,7 +289,7 @@ def swing_of(position_m: Array, balance_n: Array, strokes: Sequence[motion.Strok
     return median([float(np.diff(motion.quantiles(balance_n[part], 0.02, 0.98))[0]) for part in parts])
 
 
-def _even(time_s: Array, *values: Array) -> tuple[Array, ...]:
+def evenly_spaced(time_s: Array, *values: Array) -> tuple[Array, ...]:
     """Return evenly spaced values from uneven samples, as means over equal intervals."""
     steps = np.diff(time_s)
     if steps.max() <= 2.0 * steps.min() or steps.max() <= 2.0 * motion.middle(steps):  # the first one is quick

@@ -8,22 +8,29 @@ after settling of the stroke (`Settled`), or by the source paper's protocol (`So
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.friction.bins import Grid, Profile, Spread, bin_means, mean_profile, spread_of, stroke_means
+from pneudrive.friction.bins import Grid, Profile, Spread, bin_means, known_mean, mean_profile, spread_of
 from pneudrive.friction.sentences import sentence
-from pneudrive.friction.stick_slip import ReversalPeak, StickSlip, find_reversal_peaks, median, sliding_of, stroke_slip
+from pneudrive.friction.stick_slip import (
+    ReversalPeak,
+    StickSlip,
+    evenly_spaced,
+    find_reversal_peaks,
+    measure_stick_slip,
+    median,
+    middle_of,
+)
 from pneudrive.signals.motion import Stroke, find_strokes, local_slope, speed_levels, straight_line, thinned
-from pneudrive.signals.recording import Recording, refuse_impossible
+from pneudrive.signals.recording import Recording, refuse_channels
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
-    from pneudrive.arrays import Array, Bools, Interval, NamedNumbers
+    from pneudrive.arrays import Array, Bools, Interval
     from pneudrive.signals.pressure_delay import PressureDelay
 
 
@@ -53,9 +60,51 @@ class MeasuredStroke:
     """
 
     stroke: Stroke
-    means: dict[str, float]
-    slip: tuple[StickSlip, StickSlip | None] | None
+    means: dict[str, float] = field(default_factory=dict)
+    slip: tuple[StickSlip, StickSlip | None] | None = None
     peak: ReversalPeak | None = None
+
+    @classmethod
+    def of(cls, motion: RecordedMotion, stroke: Stroke, window: Interval) -> MeasuredStroke:
+        """Average the settled samples of a stroke between two positions, in m, and measure its sliding.
+
+        Sliding is that of the middle 80 % of the stroke. The axis may move steadily while the piston behind a soft
+        force sensor does not. If the stiffness is known, the piston's position is the axis position minus the
+        deflection. Otherwise, there is only a result for the axis.
+        """
+        recording, part = motion.recording, stroke.samples
+        settled, position = motion.settled[part], motion.position_m[part]
+        index = np.flatnonzero((position >= window[0]) & (position <= window[1]) & settled) + stroke.start
+        if not index.size:
+            return cls(stroke)
+        pressure_a, pressure_b = recording.pressure_a_pa[index], recording.pressure_b_pa[index]
+        first, last = map(int, index[[0, -1]])
+        seconds, way = (values[last] - values[first] for values in (motion.time_s, motion.position_m))
+        gas_n = recording.area_a_m2 * pressure_a - recording.area_b_m2 * pressure_b
+        moves = 0.0  # range of the pressure force, without the lowest and highest 5 % of each pressure
+        for pressure, area in ((pressure_a, recording.area_a_m2), (pressure_b, recording.area_b_m2)):
+            values = np.sort(thinned(pressure))
+            margin = int(0.05 * values.size)
+            moves += float(values[values.size - 1 - margin] - values[margin]) * area
+        means = {
+            "mean_n": motion.balance_n[part][settled].mean(),
+            "samples": index.size,
+            "force_n": recording.force_n[index].mean(),
+            "pressure_a_pa": pressure_a.mean(),
+            "pressure_b_pa": pressure_b.mean(),
+            "velocity_m_s": way / seconds if seconds > 0 else stroke.speed_m_s,
+            "parallel_n": sum(f.uncertainty * f.force_n[index].mean() for f in recording.parallel),
+            "late_n": motion.late_s * ((gas_n[-1] - gas_n[0]) / seconds) if seconds > 0 else 0.0,
+            "pressure_moves_n": moves,
+        }
+        middle = middle_of(stroke, motion.position_m)
+        if middle is None:
+            return cls(stroke, means)
+        samples = (motion.time_s[middle], motion.position_m[middle], recording.force_n[middle])
+        time_s, axis_m, force_n = evenly_spaced(*samples)
+        stiffness = recording.stiffness_n_m
+        piston = measure_stick_slip(time_s, axis_m - force_n / stiffness) if stiffness else None
+        return cls(stroke, means, (measure_stick_slip(time_s, axis_m), piston))
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,12 +126,12 @@ class Strokes:
     @classmethod
     def of(cls, motion: RecordedMotion, strokes: Sequence[Stroke], window: Interval, grid: Grid) -> Strokes:
         """Measure the strokes of one speed class or cycle between the two positions of the window, in m."""
-        rows, balance = [], stroke_rows(motion, strokes, grid)
+        balance = stroke_rows(motion, strokes, grid)
         covered = np.isfinite(balance[:, grid.is_in_window]).mean(axis=1) >= COVERED_SHARE
-        for stroke, covers in zip(strokes, covered.tolist(), strict=True):
-            means = _means(motion, stroke, window) if covers else {}
-            slip = stroke_slip(motion.recording, stroke) if means else None
-            rows.append(MeasuredStroke(stroke, means, slip))
+        rows = [
+            MeasuredStroke.of(motion, stroke, window) if covers else MeasuredStroke(stroke)
+            for stroke, covers in zip(strokes, covered.tolist(), strict=True)
+        ]
         table = cls(grid, tuple(rows), balance)
         if len(table.directions) < 2:
             return table
@@ -142,8 +191,16 @@ class Strokes:
         for way, rows in ways.items():  # strokes have equal weight
             some, balance = [self.rows[i] for i in rows], self.balance_n[rows]
             columns = {name: np.array([row.means[name] for row in some]) for name in some[0].means}
-            means_n = stroke_means(balance, bins) if uses_window else columns["mean_n"]
-            peaks = [row.peak for row in some if row.peak]
+            means_n, peaks = columns["mean_n"], [row.peak for row in some if row.peak]
+            if uses_window:  # missing bins are filled from the profile
+                rows_n = balance[:, bins]
+                profile_n = mean_profile(rows_n)
+                means_n = known_mean(rows_n - profile_n, axis=1) + np.nanmean(profile_n)
+            # Stick-slip of axis or piston, whichever sticks in more strokes.
+            axis = [row.slip[0] for row in some if row.slip]
+            piston = [row.slip[1] for row in some if row.slip and row.slip[1] is not None]
+            sliding = max((axis, piston), key=lambda slips: sum(slip.found for slip in slips))
+            is_slipping = bool(sliding) and sum(slip.found for slip in sliding) > 0.5 * len(sliding)
             sides[way] = Side(
                 **{name: float(columns[name].mean()) for name in MEANS},
                 samples=int(columns["samples"].sum()),
@@ -155,7 +212,11 @@ class Strokes:
                 breakaway_n=median([peak.friction_n for peak in peaks if not peak.flags]),
                 dwell_s=median([row.stroke.dwell_s for row in some if row.stroke.index > 0]),
                 loading_rate_n_s=median([p.loading_rate_n_s for p in peaks if np.isfinite(p.loading_rate_n_s)]),
-                **sliding_of([row.slip for row in some if row.slip]),
+                ripple=median([slip.ripple for slip in axis]),
+                period_s=median([slip.period_s for slip in sliding if is_slipping]),
+                step_m=median([slip.step_m for slip in sliding if is_slipping]),
+                piston_ripple=median([slip.ripple for slip in piston]),
+                stick_slip=is_slipping,
             )
         return sides, bins
 
@@ -207,38 +268,6 @@ class Side:
     stick_slip: bool
     parallel_n: float = 0.0
     late_n: float = 0.0
-
-
-def _means(motion: RecordedMotion, stroke: Stroke, window: Interval) -> NamedNumbers:
-    """Average the settled samples of a stroke between two positions. Return an empty dict without settled samples."""
-    recording, part = motion.recording, stroke.samples
-    settled, position = motion.settled[part], motion.position_m[part]
-    index = np.flatnonzero((position >= window[0]) & (position <= window[1]) & settled) + stroke.start
-    if not index.size:
-        return {}
-    pressure_a, pressure_b = recording.pressure_a_pa[index], recording.pressure_b_pa[index]
-    first, last = map(int, index[[0, -1]])
-    seconds, way = (values[last] - values[first] for values in (motion.time_s, motion.position_m))
-    gas_n = recording.area_a_m2 * pressure_a - recording.area_b_m2 * pressure_b
-    moves = _usual_range(pressure_a) * recording.area_a_m2 + _usual_range(pressure_b) * recording.area_b_m2
-    return {
-        "mean_n": motion.balance_n[part][settled].mean(),
-        "samples": index.size,
-        "force_n": recording.force_n[index].mean(),
-        "pressure_a_pa": pressure_a.mean(),
-        "pressure_b_pa": pressure_b.mean(),
-        "velocity_m_s": way / seconds if seconds > 0 else stroke.speed_m_s,
-        "parallel_n": sum(f.uncertainty * f.force_n[index].mean() for f in recording.parallel),
-        "late_n": motion.late_s * ((gas_n[-1] - gas_n[0]) / seconds) if seconds > 0 else 0.0,
-        "pressure_moves_n": moves,
-    }
-
-
-def _usual_range(values: Array) -> float:
-    """Return the range of the values without the lowest and highest 5 %."""
-    some = np.sort(thinned(values))
-    margin = int(0.05 * some.size)
-    return float(some[some.size - 1 - margin] - some[margin])
 
 
 def stroke_grid(
@@ -295,29 +324,6 @@ class StrokeUse:
     def why(self) -> str:
         """Reasons in words; "" if all strokes are used."""
         return ", ".join(sentence(f"strokes.{name}", count=count) for name, count in self.left_out.items())
-
-
-def stroke_use(strokes: Sequence[Stroke], usable: Mapping[int, bool], window_m: Interval) -> StrokeUse:
-    """Count the strokes of a recording.
-
-    Parameters
-    ----------
-    strokes : sequence of Stroke
-        All strokes.
-    usable : mapping
-        Identity (``id``) of each stroke with settled samples -> whether its speed class has a result.
-    window_m : tuple of float
-        Positions between which friction is averaged.
-    """
-
-    def reason(stroke: Stroke) -> str:
-        low, high = sorted((stroke.from_m, stroke.to_m))
-        crossed = min(high, window_m[1]) - max(low, window_m[0])
-        narrow = crossed < COVERED_SHARE * (window_m[1] - window_m[0])
-        return "apart" if id(stroke) in usable else "window" if narrow else "unsettled"
-
-    reasons = [reason(stroke) for stroke in strokes if not usable.get(id(stroke))]
-    return StrokeUse(len(strokes), {n: reasons.count(n) for n in ("window", "unsettled", "apart") if n in reasons})
 
 
 def stroke_notes(uses: Mapping[str, StrokeUse]) -> Iterator[str]:
@@ -396,8 +402,9 @@ class RecordedMotion:
             Without motion, with too few samples, or with impossible values.
         """
         strokes = find_strokes(recording.name, recording.time_s, recording.position_m)
-        refuse_impossible(recording, strokes)
-        balance, every = balance_of(recording, inertia=inertia), np.ones(len(recording), dtype=bool)
+        refuse_channels(recording, strokes)
+        balance = recording.balance_n(None if inertia else 0.0)
+        every = np.ones(len(recording), dtype=bool)
         motion = cls(recording, choice, tuple(strokes), balance, balance, every, delay)
         settled, chosen = choice.choose(motion)
         return replace(motion, balance_n=chosen, settled=settled)
@@ -420,19 +427,6 @@ class RecordedMotion:
             return clock
         left = 0.0 if self.delay.is_clear else abs(self.delay.value_s)
         return max(clock, max(left, self.delay.half_width_s) / 2.0)
-
-    @cached_property
-    def velocity_m_s(self) -> Array:
-        """Velocity as the slope of the position over a few samples, in m/s."""
-        return local_slope(self.time_s, self.position_m)
-
-
-def balance_of(recording: Recording, *, inertia: bool = True) -> Array:
-    """Return the force balance of each sample in N, optionally without the inertia of the mass beyond the sensor."""
-    acceleration: Array | float = 0.0
-    if inertia and recording.mass_beyond_sensor_kg:
-        acceleration = local_slope(recording.time_s, local_slope(recording.time_s, recording.position_m))
-    return recording.balance_n(acceleration)
 
 
 @dataclass(frozen=True)
@@ -459,12 +453,23 @@ class Settled:
 
     def choose(self, motion: RecordedMotion) -> tuple[Bools, Array]:
         """Return the mask of settled samples and the unchanged balance."""
-        position_m, balance_n, swings = motion.position_m, motion.balance_n, _swings(motion)
+        position_m, balance_n, strokes = motion.position_m, motion.balance_n, motion.strokes
+        velocity_m_s = local_slope(motion.time_s, position_m)
         mask = np.zeros(position_m.size, dtype=bool)
-        for stroke in motion.strokes:
+        # The swing of a stroke is that of its speed class, or of all strokes if that is smaller. For a direction
+        # without strokes in the class, all strokes of this direction are used.
+        whole, classes = Swing.of(motion, strokes), speed_levels(list(strokes))
+        swings = {stroke.index: whole for stroke in strokes}
+        whole_n = 0.0 if whole is None else abs(whole.middle_n)
+        for members in classes if len(classes) > 1 else ():
+            ways = {stroke.direction for stroke in members}
+            swing = Swing.of(motion, [*members, *(s for s in strokes if s.direction not in ways)])
+            if swing is not None and abs(swing.middle_n) < whole_n:
+                swings |= {stroke.index: swing for stroke in members}
+        for stroke in strokes:
             part = stroke.samples
             travelled = np.abs(position_m[part] - stroke.from_m)
-            fast = np.abs(motion.velocity_m_s[part]) >= self.speed_share * abs(stroke.speed_m_s)
+            fast = np.abs(velocity_m_s[part]) >= self.speed_share * abs(stroke.speed_m_s)
             if not fast.any():
                 continue
             begin = self.speed_travels * travelled[int(np.argmax(fast))]
@@ -547,21 +552,3 @@ class Swing:
         start = np.interp(position_m, self.position_m[known], before[known])
         line = (self.slope_n_m * position_m + self.intercept_n) / self.middle_n
         return direction * (balance_n - start) / (self.middle_n * np.clip(line, LEAST_SWING, 1 / LEAST_SWING))
-
-
-def _swings(motion: RecordedMotion) -> dict[int, Swing | None]:
-    """Return for each stroke the swing of its speed class, or of all strokes if that is smaller.
-
-    For a direction without strokes in the class, all strokes of this direction are used.
-    """
-    strokes = motion.strokes
-    whole, classes = Swing.of(motion, strokes), speed_levels(list(strokes))
-    swings = {stroke.index: whole for stroke in strokes}
-    if whole is None or len(classes) == 1:
-        return swings
-    for members in classes:
-        ways = {stroke.direction for stroke in members}
-        swing = Swing.of(motion, [*members, *(s for s in strokes if s.direction not in ways)])
-        if swing is not None and abs(swing.middle_n) < abs(whole.middle_n):
-            swings |= {stroke.index: swing for stroke in members}
-    return swings

@@ -21,7 +21,7 @@ from pneudrive.files.formats import UNIT_OF
 from pneudrive.files.tables import open_table
 from pneudrive.signals import text_table, times
 from pneudrive.signals.columns import SECONDARY, ColumnUnit, chamber_of, header_unit, role_of, split_name, words_of
-from pneudrive.signals.layout import UNITS, FileLayout, TimeColumn
+from pneudrive.signals.layout import UNITS, FileLayout
 from pneudrive.signals.text_table import FileForm, ForeignTable, read_bytes, read_text, sniff_format, sniff_text
 from pneudrive.units import converter, suffix
 
@@ -196,7 +196,27 @@ def read_channels(
         table = read_text(path, data, layout.text_form, layout.places, layout.dates, others=others)
     else:
         table = read_binary(path, layout, others=others)
-    time, wraps = _time_of(layout.time, table, str(path))
+    wraps, time_column = 0, layout.time
+    size = next(iter(table.columns.values())).size
+    if time_column.column is None:
+        assert time_column.rate_hz is not None
+        time = np.arange(size) / time_column.rate_hz
+    elif time_column.date is not None:
+        time = table.columns[table.places[time_column.column]] + table.columns[table.places[time_column.date]]
+    else:
+        time = table.columns[table.places[time_column.column]]
+        if (stamps := times.samples_of_a_stamp(time)) > 1.0:
+            where = f"{path}, column {time_column.column!r}"
+            raise RecordingError.of("signals.shared-stamps", where=where, count=stamps)
+        form = time_column.format if time_column.is_date else None
+        time, midnights = times.unwrapped(time, times.clocks_of(form, time_column.conversion.factor), forward=True)
+        if not midnights:
+            time, count = times.unwrapped(time, time_column.moduli, forward=True)
+            wraps += count if time_column.wraps is None else 0
+        for number, row in enumerate(table.segments, 2):
+            if 0 < row < size and time[row] < time[row - 1]:
+                back = f"{time[row]:g} after {time[row - 1]:g}"
+                raise RecordingError.of("signals.time-again", where=f"{path}, row {row + 1}", value=back, number=number)
     channels: Columns = {}
     completed = []
     for channel, column in layout.channels.items():
@@ -216,27 +236,6 @@ def read_channels(
     part = times.overlap(completed, time.size)
     flags = table.flags | ({"counter_wrap": wraps} if wraps else {})
     return replace(table, columns=rows_of(table.columns, part), flags=flags), rows_of(channels, part)
-
-
-def _time_of(column: TimeColumn, table: ForeignTable, where: str) -> tuple[Array, int]:
-    """Return the times in the unit of their column, and the number of wraps of a counter."""
-    size = next(iter(table.columns.values())).size
-    if column.column is None:
-        assert column.rate_hz is not None
-        return np.arange(size) / column.rate_hz, 0
-    time = table.columns[table.places[column.column]]
-    if column.date is not None:
-        return time + table.columns[table.places[column.date]], 0
-    if (count := times.samples_of_a_stamp(time)) > 1.0:
-        raise RecordingError.of("signals.shared-stamps", where=f"{where}, column {column.column!r}", count=count)
-    clocks = times.clocks_of(column.format if column.is_date else None, column.conversion.factor)
-    time, midnights = times.unwrapped(time, clocks, forward=True)
-    time, wraps = (time, 0) if midnights else times.unwrapped(time, column.moduli, forward=True)
-    for number, row in enumerate(table.segments, 2):
-        if 0 < row < size and time[row] < time[row - 1]:
-            back = f"{time[row]:g} after {time[row - 1]:g}"
-            raise RecordingError.of("signals.time-again", where=f"{where}, row {row + 1}", value=back, number=number)
-    return time, 0 if column.wraps is not None else wraps
 
 
 def import_file(path: Path, layout: FileLayout) -> tuple[Plain, dict[str, int], str]:
@@ -303,10 +302,22 @@ def _doubts(layout: FileLayout, table: ForeignTable) -> Iterator[str]:
 def si_columns(layout: FileLayout, raw: Columns) -> Plain:
     """Convert raw columns, by channel, to SI on one time base; add stated pressures and parallel forces.
 
+    Pressures become absolute. A force is corrected by the calibration of its sensor.
+
     Names are those of `SI_NAMES`, and ``force 1`` for the first ``[[force]]``. A stated pressure is a number. Delayed
     channels are shifted; samples at the ends, where a shifted channel has no values, are left out.
     """
-    values = {channel: convert(layout, channel, column) for channel, column in raw.items()}
+    values: Columns = {}
+    for channel, numbers in raw.items():
+        column, curve = layout.channels[channel], layout.force_calibration
+        unit, value = column.conversion, column.in_unit(numbers)
+        value = value if unit.factor == 1.0 else unit.factor * value
+        value = value + unit.shift  # always: the result is never the raw column, and has no zero with a sign
+        if channel == "force" and curve is not None:
+            value = column.corrected(value, curve)
+        if channel == "command" and column.range is not None:  # noise of the measured signal at full opening
+            value = np.where(np.abs(value) < 1.0 + SIGNAL_NOISE, np.clip(value, -1.0, 1.0), value)
+        values[channel] = value + layout.ambient_pa if unit.gauge else value
     time, delay_s = values["time"], layout.time.delay_s
     known = np.isfinite(time)
     late = {name: delay for name, column in layout.channels.items() if (delay := column.delay_s - delay_s)}
@@ -320,17 +331,3 @@ def si_columns(layout: FileLayout, raw: Columns) -> Plain:
         across = values.pop(f"force {number}: pressure") - values.pop(f"force {number}: against", layout.ambient_pa)
         values[f"force {number}"] = (1 if force.positive == "+x" else -1) * force.area_m2 * across
     return {SI_NAMES.get(channel, channel): column for channel, column in (values | layout.chamber_pressures()).items()}
-
-
-def convert(layout: FileLayout, channel: str, raw: Array) -> Array:
-    """Return the raw values of one channel in SI; pressures are absolute."""
-    column = layout.channels[channel]
-    unit, curve = column.conversion, layout.force_calibration
-    value = column.in_unit(raw)
-    value = value if unit.factor == 1.0 else unit.factor * value
-    value = value + unit.shift  # always: the result is never the raw column, and has no zero with a sign
-    if channel == "force" and curve is not None:
-        value = column.corrected(value, curve)
-    if channel == "command" and column.range is not None:  # noise of the measured signal at full opening
-        value = np.where(np.abs(value) < 1.0 + SIGNAL_NOISE, np.clip(value, -1.0, 1.0), value)
-    return value + layout.ambient_pa if unit.gauge else value

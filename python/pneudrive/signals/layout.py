@@ -285,21 +285,29 @@ class FileLayout(Described):
             raise invalid("delimiter", "signals.comma-twice", decimal=self.decimal)
         return self
 
-    def of_file(self, kind: str, labels: dict[str, str]) -> FileLayout:
-        """Return the layout for a recording of a kind. A drive and a fixed volume have no tables of a rig."""
-        update: Plain = {"kind": kind, "labels": labels}
-        if kind != "rig":
-            update |= {name: type(self).model_fields[name].default for name in RIG_TABLES}
-            update["rig"] = RigTable().model_copy(update={"ambient_pressure": self.rig.ambient_pressure})
-        return self.model_copy(update=update)
-
     @cached_property
     def channels(self) -> dict[str, Column]:
         """Columns by channel; those of parallel forces are ``force 1: pressure`` and ``force 1: against``."""
-        found = {name: self._channel(name) for name in KINDS[self.kind or "rig"]["units"]}
+        found: dict[str, Column] = {}
+        for name in KINDS[self.kind or "rig"]["units"]:
+            column: Column | None = getattr(self.columns, name)
+            if column is None:
+                continue
+            if column.range is not None and name == "command":
+                # The ends of the signal are -1 and 1, or 0 and 1 for the line of a volume.
+                low, high = units.parse_range(column.range, column.unit)
+                lowest = 0.0 if self.kind == "fixed-volume" else -1.0
+                scale = (1.0 - lowest) / (high - low)
+                offset = lowest - low * scale
+                column = column.model_copy(update={"range": (low, high), "scale": scale, "offset": offset})
+            elif column.range is not None and UNITS[name] == "Pa":
+                column = column.model_copy(update={"range": absolute(column.range, self.ambient_pa)})
+            found[name] = column
         for number, force in enumerate(self.force, 1):
-            found |= {f"force {number}: pressure": force.pressure, f"force {number}: against": force.against}
-        return {name: column for name, column in found.items() if column is not None}
+            found[f"force {number}: pressure"] = force.pressure
+            if force.against is not None:
+                found[f"force {number}: against"] = force.against
+        return found
 
     @property
     def time(self) -> TimeColumn:
@@ -375,26 +383,6 @@ class FileLayout(Described):
             elif chamber.pressure is not None:
                 out[f"pressure_{side}"] = chamber.pressure.absolute_pa(self.ambient_pa)
         return out
-
-    def _channel(self, name: str) -> Column | None:
-        """Return the column of a channel with ``range`` in SI. The range of a command sets scale and offset."""
-        column: Column | None = getattr(self.columns, name)
-        if column is None or column.range is None:
-            return column
-        if name == "command":  # the ends of the signal are -1 and 1, or 0 and 1 for the line of a volume
-            low, high = units.parse_range(column.range, column.unit)
-            lowest = 0.0 if self.kind == "fixed-volume" else -1.0
-            scale = (1.0 - lowest) / (high - low)
-            return column.model_copy(update={"range": (low, high), "scale": scale, "offset": lowest - low * scale})
-        is_pressure = UNITS[name] == "Pa"
-        return column.model_copy(update={"range": absolute(column.range, self.ambient_pa)}) if is_pressure else column
-
-    def geometry_accuracy(self) -> NamedNumbers:
-        """Return the standard uncertainties of the geometry stated in the layout."""
-        g = self.geometry
-        said = {"area": g.area_accuracy} if g.bore_m is None else {"bore_m": g.bore_accuracy}
-        said["alignment_rad"] = self.rig.alignment_rad
-        return {name: value for name, value in said.items() if value is not None}
 
 
 def layout_schema() -> Plain:
@@ -477,7 +465,11 @@ class Layout(Shown):
         if isinstance(found, str):
             names = {"pattern": pattern, "file": path.name, "rule": found}
             raise self.fail(invalid(self._place("labels.pattern", chosen), "signals.pattern-differs", **names))
-        return layout.of_file(kind, labels | found)
+        update: Plain = {"kind": kind, "labels": labels | found}
+        if kind != "rig":  # a drive and a fixed volume have no tables of a rig
+            update |= {name: FileLayout.model_fields[name].default for name in RIG_TABLES}
+            update["rig"] = RigTable().model_copy(update={"ambient_pressure": layout.rig.ambient_pressure})
+        return layout.model_copy(update=update)
 
     @property
     def kind(self) -> str:
@@ -520,7 +512,18 @@ class Layout(Shown):
         tree = {key: value for key, value in self.tree.items() if key != "for"}
         for index in chosen:
             rest = {key: value for key, value in self.tree["for"][index].items() if key != "match"}
-            tree = toml.merge(_without(tree, rest), rest)
+            columns, said = tree.get("columns", {}), rest.get("columns", {})
+            if isinstance(columns, dict) and isinstance(said, dict):
+                # An override replaces some tables as a whole: columns with place and unit, and chamber pressures
+                # given in another way.
+                whole = {name for name, one in said.items() if isinstance(one, dict) and {"column", "unit"} <= set(one)}
+                whole |= {f"pressure_{side}" for side in "ab" if f"chamber_{side}" in rest}
+                chambers = {
+                    f"chamber_{side}" for side in "ab" if f"pressure_{side}" in said or f"chamber_{side}" in rest
+                }
+                tree = {key: value for key, value in tree.items() if key not in chambers}
+                tree["columns"] = {name: one for name, one in columns.items() if name not in whole}
+            tree = toml.merge(tree, rest)
         problems, kind = Problems(), self.kind
         layout: FileLayout | None = problems.take(FileLayout.model_validate, tree)
         if layout is not None:
@@ -614,18 +617,3 @@ def _matched(parts: list[str], name: str, end: str) -> tuple[str, ...] | None:
     expression = "(?s)^" + "".join(f"({group})" for group in (*groups, end))
     found = pl.Series([name]).str.extract_groups(expression).struct.unnest().row(0)
     return None if None in found else found
-
-
-def _without(tree: Plain, rest: Plain) -> Plain:
-    """Return a tree of tables without tables that an override replaces as a whole.
-
-    Such tables are columns with place and unit, and chamber pressures given in another way.
-    """
-    columns, said = tree.get("columns", {}), rest.get("columns", {})
-    if not (isinstance(columns, dict) and isinstance(said, dict)):
-        return tree
-    replaced = {name for name, one in said.items() if isinstance(one, dict) and {"column", "unit"} <= set(one)}
-    replaced |= {f"pressure_{side}" for side in "ab" if f"chamber_{side}" in rest}
-    chambers = {f"chamber_{side}" for side in "ab" if f"pressure_{side}" in said or f"chamber_{side}" in rest}
-    out = {key: value for key, value in tree.items() if key not in chambers}
-    return out | {"columns": {name: one for name, one in columns.items() if name not in replaced}}

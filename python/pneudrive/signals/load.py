@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import sys
 from collections import Counter
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
 from pathlib import Path
@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, TypeGuard
 
 import numpy as np
 
-from pneudrive.arrays import Columns, Ints, Plain, rows_of
+from pneudrive.arrays import Columns, Ints, rows_of
 from pneudrive.errors import RecordingError
 from pneudrive.files.content import check_file, kind_of_toml
 from pneudrive.files.tables import Table, open_table
@@ -39,36 +39,92 @@ MISSING_LAYOUT = "give a layout with --layout LAYOUT.toml; 'pneudrive layout FIL
 
 @dataclass(frozen=True)
 class RecordingFile:
-    """A file, its layout (None for a trajectory file), and the name of its recording.
-
-    ``table`` is the open file of a long recording, a Parquet file of many rows that is read part by part.
-    """
+    """A file, its layout (None for a trajectory file), the name of its recording, and its kind."""
 
     path: Path
     layout: Layout | None
     name: str
-    table: Table | None = None
+    kind: str = "rig"
 
     @cached_property
     def said(self) -> FileLayout | None:
         """Layout with the overrides that match the name of the file."""
-        return None if self.layout is None else self.layout.for_file(self.path)
+        return None if self.layout is None else self.layout.for_file(self.path, self.kind)
 
     @property
     def has_cycles(self) -> bool:
         """Whether the file is a campaign file, with a recording for each cycle."""
         return self.said is not None and self.said.columns.cycle is not None
 
-    def read(self) -> Recording:
-        """Read the only recording of the file."""
-        if self.said is None:
-            return read_trajectory(self.path, self.name)
-        return to_recording(self.name, self.path, self.said, *import_file(self.path, self.said))
+    def read(self, raw: Columns | None = None, name: str = "") -> Recording:
+        """Read the only recording of the file, or make one from some rows of its raw columns.
+
+        Parameters
+        ----------
+        raw : dict, optional
+            Rows from `rows`. Their recording has no hash of the file.
+        name : str
+            Name of a cycle; "": name of the file.
+        """
+        layout = self.said
+        if layout is None:
+            columns = read_columns(self.path, COLUMNS) if raw is None else raw
+            return from_trajectory(columns, self.name, self.path, is_part=raw is not None)
+        flags, sha256 = dict[str, int](), None
+        if raw is None:
+            columns, flags, sha256 = import_file(self.path, layout)
+        else:
+            columns = si_columns(layout, raw)
+        _, *rig_channels = KINDS["rig"]["units"]
+        measured = {SI_NAMES[name]: layout.channels[name] for name in rig_channels if name in layout.channels}
+        limits = {name: column.range for name, column in measured.items() if column.range is not None}
+        curve = layout.force_calibration if "force" in layout.channels else None
+        if curve is not None and "force_n" in limits:
+            low, high = layout.channels["force"].corrected(np.array(limits["force_n"]), curve)
+            limits["force_n"] = (float(low), float(high))
+        area_a, area_b = layout.geometry.areas() if layout.kind == "rig" else (0.0, 0.0)
+        geometry = layout.geometry
+        accuracy = {"area": geometry.area_accuracy} if geometry.bore_m is None else {"bore_m": geometry.bore_accuracy}
+        accuracy |= {"alignment_rad": layout.rig.alignment_rad}
+        accuracy |= {name: column.accuracy for name, column in measured.items()}
+        return Recording(
+            name=name or self.name,
+            time_s=columns["time_s"],
+            **{name: columns.get(name, 0.0) for name in CHANNELS},  # type: ignore[arg-type]
+            area_a_m2=area_a,
+            area_b_m2=area_b,
+            ambient_pressure_pa=layout.ambient_pa,
+            **layout.rig.model_dump(include={"mass_beyond_sensor_kg", "incline_rad", "stiffness_n_m"}),
+            accuracy={name: value for name, value in accuracy.items() if value is not None},
+            labels=layout.labels,
+            window_m=layout.window.position,
+            source=self.path,
+            sha256=sha256,
+            flags=flags,
+            limits=limits,
+            calibration={name: column.calibration for name, column in measured.items() if column.calibration},
+            force_calibration=curve.applied() if curve is not None else None,
+            parallel=tuple(
+                ParallelForce(force.name, force.area_m2, force.area_accuracy, columns[f"force {number}"])
+                for number, force in enumerate(layout.force, 1)
+            ),
+        )
+
+    @cached_property
+    def table(self) -> Table | None:
+        """Open Parquet file of one recording, if its rows can be read independently, and its time is not a date."""
+        said = self.said
+        if said is None:
+            is_plain = self.path.suffix == ".parquet"
+        else:
+            is_plain = said.format == "parquet" and said.is_plain and not said.dates and not self.has_cycles
+        return open_table(self.path, "parquet") if is_plain else None
 
     @property
     def span(self) -> tuple[int, int]:
-        """First used row of a long recording, and the number of rows in its file."""
-        assert self.table is not None
+        """First used row and number of rows of a file that can be read in parts; zeros for other files."""
+        if self.table is None:
+            return 0, 0
         return (0 if self.said is None else self.said.skip_samples), self.table.count()
 
     def rows(self, rows: tuple[int, int]) -> Columns:
@@ -86,12 +142,6 @@ class RecordingFile:
             return digest_of(read_columns(self.path, [c], part, self.table)[c] for c, part in pieces)
         with self.path.open("rb", buffering=0) as data:
             return hashlib.file_digest(data, "sha256").hexdigest()
-
-    def part(self, raw: Columns, name: str = "") -> Recording:
-        """Return a recording from some rows of the raw columns, without the hash of the file."""
-        if self.said is None:
-            return from_trajectory(raw, self.name, self.path, is_part=True)
-        return to_recording(name or self.name, self.path, self.said, si_columns(self.said, raw))
 
 
 def recording_files(paths: Iterable[str | Path], layout: AnyLayout) -> list[RecordingFile]:
@@ -188,61 +238,7 @@ def load_recording(path: Path, layout: Layout, kind: str = "rig") -> Recording:
     RecordingError, LayoutError
         As for `load_recordings`.
     """
-    said = layout.for_file(path, kind)
-    return to_recording(stem(path), path, said, *import_file(path, said))
-
-
-def find_long(file: RecordingFile, least: int) -> RecordingFile | None:
-    """Open a Parquet file with more than `least` rows for reading in parts; None: another file, or time as dates."""
-    said = file.said
-    if said is None:
-        is_plain = file.path.suffix == ".parquet"
-    else:
-        is_plain = said.format == "parquet" and said.is_plain and not said.dates and not file.has_cycles
-    long = replace(file, table=open_table(file.path, "parquet")) if is_plain else file
-    return long if long.table is not None and long.table.count() > least else None
-
-
-def to_recording(
-    name: str,
-    path: Path,
-    layout: FileLayout,
-    columns: Plain,
-    flags: dict[str, int] | None = None,
-    sha256: str | None = None,
-) -> Recording:
-    """Return the recording from SI columns that were imported through a layout."""
-    curve = layout.force_calibration if "force" in layout.channels else None
-    _, *rig_channels = KINDS["rig"]["units"]
-    measured = {SI_NAMES[name]: layout.channels[name] for name in rig_channels if name in layout.channels}
-    limits = {name: column.range for name, column in measured.items() if column.range is not None}
-    if curve is not None and "force_n" in limits:
-        low, high = layout.channels["force"].corrected(np.array(limits["force_n"]), curve)
-        limits["force_n"] = (float(low), float(high))
-    area_a, area_b = layout.geometry.areas() if layout.kind == "rig" else (0.0, 0.0)
-    return Recording(
-        name=name,
-        time_s=columns["time_s"],
-        **{name: columns.get(name, 0.0) for name in CHANNELS},  # type: ignore[arg-type]
-        area_a_m2=area_a,
-        area_b_m2=area_b,
-        ambient_pressure_pa=layout.ambient_pa,
-        **layout.rig.model_dump(include={"mass_beyond_sensor_kg", "incline_rad", "stiffness_n_m"}),
-        accuracy=layout.geometry_accuracy()
-        | {name: column.accuracy for name, column in measured.items() if column.accuracy is not None},
-        labels=layout.labels,
-        window_m=layout.window.position,
-        source=path,
-        sha256=sha256,
-        flags=flags or {},
-        limits=limits,
-        calibration={name: column.calibration for name, column in measured.items() if column.calibration},
-        force_calibration=curve.applied() if curve is not None else None,
-        parallel=tuple(
-            ParallelForce(force.name, force.area_m2, force.area_accuracy, columns[f"force {number}"])
-            for number, force in enumerate(layout.force, 1)
-        ),
-    )
+    return RecordingFile(path, layout, stem(path), kind).read()
 
 
 BATCH_SAMPLES = 2_000_000  # samples that a worker holds at once: about 100 MB with its copies
@@ -290,7 +286,7 @@ def _recordings(file: RecordingFile, bounds: Ints, numbers: Ints) -> Iterator[Re
         rows = bounds[start : stop + 1] - bounds[start]
         raw = file.rows((int(bounds[start]), int(bounds[stop])))
         for number, first, end in zip(numbers[start:stop], rows[:-1], rows[1:], strict=True):
-            yield file.part(rows_of(raw, slice(first, end)), f"{stem(file.path)}/{number}")
+            yield file.read(rows_of(raw, slice(first, end)), f"{stem(file.path)}/{number}")
         start = stop
 
 

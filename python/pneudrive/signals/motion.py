@@ -88,12 +88,7 @@ def local_slope(time_s: Array, values: Array, half_width: int = 4) -> Array:
             slope[:half_width] = slope[half_width]
             slope[-half_width:] = slope[-half_width - 1]
             return slope
-    return _general_slope(time_s, values, half_width)
-
-
-def _general_slope(time_s: Array, values: Array, half_width: int) -> Array:
-    """Return the slope by running sums, for any time steps."""
-    n = time_s.size
+    # Other times: a line through the neighbours of each sample, by running sums.
     low = np.maximum(np.arange(n) - half_width, 0)
     high = np.minimum(np.arange(n) + half_width + 1, n)
     count = (high - low).astype(float)
@@ -250,17 +245,6 @@ APART = 3.0  # classes are this many times their width apart,
 LEAST_GAP = 0.05  # and at least this share of their speed: smaller changes from stroke to stroke are drift
 
 
-def speed_was_controlled(strokes: list[Stroke]) -> bool:
-    """Return whether the speed was controlled: neighbouring strokes in both directions have equal speeds."""
-    if len(strokes) < 2:
-        return True
-    turns = [(a.speed_m_s, b.speed_m_s) for a, b in pairwise(strokes) if a.direction != b.direction]
-    slow, fast = np.sort(np.abs(np.reshape(turns, (-1, 2))), axis=1).T
-    # A pair differs if the class changes between neighbours: at most every second pair does.
-    agree = np.sort((fast - slow) / fast)[: max(fast.size // 2, 1)]
-    return bool((agree[-1:] <= CONTROLLED_TOLERANCE).any())
-
-
 def speed_levels(strokes: list[Stroke]) -> Levels:
     """Group strokes into speed classes, slowest first. There is one class if the rig did not set speeds.
 
@@ -269,7 +253,12 @@ def speed_levels(strokes: list[Stroke]) -> Levels:
     if not speeds_differ(strokes):
         return [list(strokes)]
     groups = _groups(sorted(strokes, key=lambda s: s.pace_m_s), 1.0 + LEVEL_WIDTH)
-    if speed_was_controlled(strokes) and _are_levels(groups):
+    # The speed was controlled if neighbouring strokes in both directions have equal speeds.
+    turns = [(a.speed_m_s, b.speed_m_s) for a, b in pairwise(strokes) if a.direction != b.direction]
+    slow, fast = np.sort(np.abs(np.reshape(turns, (-1, 2))), axis=1).T
+    # A pair differs if the class changes between neighbours: at most every second pair does.
+    agree = np.sort((fast - slow) / fast)[: max(fast.size // 2, 1)]
+    if (agree[-1:] <= CONTROLLED_TOLERANCE).any() and _are_levels(groups):
         return [sorted(group, key=lambda s: s.index) for group in groups]
     return _one_way_levels(strokes) or [list(strokes)]
 

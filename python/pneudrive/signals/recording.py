@@ -10,7 +10,7 @@ import numpy as np
 from pneudrive.constants import STANDARD_ATMOSPHERE_PA, STANDARD_GRAVITY_M_S2
 from pneudrive.errors import RecordingError
 from pneudrive.lazy_names import upper
-from pneudrive.signals.motion import NOISE_FACTOR, Stroke, middle, noise_level, quantiles, thinned
+from pneudrive.signals.motion import NOISE_FACTOR, Stroke, local_slope, middle, noise_level, quantiles, thinned
 from pneudrive.views import View, Viewed
 
 if TYPE_CHECKING:
@@ -159,7 +159,7 @@ class Recording(Viewed):
         """Weight of the mass beyond the sensor along the axis, positive if it pulls towards -x."""
         return self.mass_beyond_sensor_kg * STANDARD_GRAVITY_M_S2 * float(np.sin(self.incline_rad))
 
-    def balance_n(self, acceleration_m_s2: Array | float = 0.0) -> Array:
+    def balance_n(self, acceleration_m_s2: Array | float | None = 0.0) -> Array:
         """Return the force that remains for friction and for errors, positive if it opposes motion in +x.
 
           balance = F + F_parallel + p_a A_a - p_b A_b - p_ambient (A_a - A_b) - m a - m g sin(incline)
@@ -167,7 +167,7 @@ class Recording(Viewed):
         Parameters
         ----------
         acceleration_m_s2
-            Acceleration of the piston, shape (n,) or a scalar.
+            Acceleration of the piston, shape (n,) or a scalar. None: that of the positions, if a mass moves.
 
         Returns
         -------
@@ -175,6 +175,10 @@ class Recording(Viewed):
             Force in N, shape (n,).
         """
         ambient = self.ambient_pressure_pa
+        if acceleration_m_s2 is None:
+            acceleration_m_s2 = 0.0
+            if self.mass_beyond_sensor_kg:
+                acceleration_m_s2 = local_slope(self.time_s, local_slope(self.time_s, self.position_m))
         # In place, term by term: fresh memory for each would take longer than the sum.
         balance = self.pressure_a_pa - ambient
         balance *= self.area_a_m2
@@ -415,13 +419,13 @@ def refuse_pressure(name: str, pressure_pa: Array, where: str) -> None:
         raise RecordingError.of("signals.impossible-pressure", where=where, name=name, why=why, **ends)
 
 
-def refuse_channels(recording: Recording) -> None:
-    """Reject a recording of a rig with impossible pressures or forces.
+def refuse_channels(recording: Recording, strokes: Sequence[Stroke] = ()) -> None:
+    """Reject a recording of a rig with impossible values.
 
     Raises
     ------
     RecordingError
-        A pressure is below vacuum, or pressures or forces exceed those of any rig.
+        A pressure is below vacuum, or pressures, forces, or speeds and travels of the strokes exceed those of any rig.
     """
     where = str(recording.source or recording.name)
     for channel in ("pressure_a_pa", "pressure_b_pa"):
@@ -429,22 +433,11 @@ def refuse_channels(recording: Recording) -> None:
     if recording.force_n.size:
         (strongest,) = quantiles(np.abs(thinned(recording.force_n)), QUANTILES[1])
         _no_more("the force reaches", strongest, FORCES_N[0], "N", "force", where)
-
-
-def refuse_impossible(recording: Recording, strokes: Sequence[Stroke]) -> None:
-    """Reject a recording of a rig with impossible values.
-
-    Raises
-    ------
-    RecordingError
-        A pressure is below vacuum, or pressures, speeds, travels or forces exceed those of any rig.
-    """
-    refuse_channels(recording)
-    where = str(recording.source or recording.name)
-    fastest = max(stroke.pace_m_s for stroke in strokes)
-    longest = max(abs(stroke.to_m - stroke.from_m) for stroke in strokes)
-    _no_more("the piston moves at", fastest, SPEEDS_M_S[0], "m/s", "time and the position", where)
-    _no_more("the strokes are", longest, LONGEST_M, "m long", "position", where)
+    if strokes:
+        fastest = max(stroke.pace_m_s for stroke in strokes)
+        longest = max(abs(stroke.to_m - stroke.from_m) for stroke in strokes)
+        _no_more("the piston moves at", fastest, SPEEDS_M_S[0], "m/s", "time and the position", where)
+        _no_more("the strokes are", longest, LONGEST_M, "m long", "position", where)
 
 
 def _no_more(what: str, value: float, limit: float, unit: str, column: str, where: str) -> None:

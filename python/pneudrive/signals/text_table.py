@@ -18,7 +18,7 @@ from pneudrive.signals.columns import RATE, SAMPLES, STEP, header_unit, role_of
 from pneudrive.signals.times import guess_form, looks_like_date_time, seconds
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Iterator
+    from collections.abc import Collection, Iterator, Set
 
     import polars as pl
 
@@ -214,8 +214,7 @@ def read_text(
     chosen = {column: known[at] for column, at in use.items()}
     needed = list(dict.fromkeys(chosen.values()))
     forms = {chosen[column]: written for column, written in dates.items()}
-    fields = _fields([lines[at] for at in rows], form, places)
-    fields = fields.with_columns(_number(pl.col(n), form).alias(n) for n in fields.columns if n not in forms)
+    fields = _fields([lines[at] for at in rows], form, places, texts=forms.keys())
     good = fields.select(pl.all_horizontal(pl.col(needed).is_not_null())).to_series()
     columns = {
         name: seconds(column.to_list(), forms[name], path) if name in forms else measurable(column.to_numpy())
@@ -248,7 +247,16 @@ def _header(lines: Lines, form: TextForm, path: Path) -> tuple[int, Fields, Fiel
         start += 1
     if start >= len(lines):
         raise RecordingError("there is no header line", where=str(path))
-    start = _below_remarks(lines, start, form)
+    # The header is the line below comment lines, or the first comment line.
+    plain = (
+        at for at in range(start, len(lines)) if (text := lines[at].lstrip()) and not text.startswith(form.comment)
+    )
+    header, below = next(plain, None), next(plain, None)
+    if header not in (None, start) and below is not None:
+        words = split_row(lines[header], form.of_header)
+        width = len(split_row(lines[below], form.delimiter))
+        remark = split_row(lines[start].lstrip(form.comment), form.of_header)
+        start = header if len(remark) < width == len(words) and is_words(words, form) else start
     names = split_row(lines[start].lstrip(form.comment), form.of_header)
     units: Fields = []
     for row in lines[start + 1 : start + 1 + HEADER_ROWS]:
@@ -258,20 +266,6 @@ def _header(lines: Lines, form: TextForm, path: Path) -> tuple[int, Fields, Fiel
             break
         units, start = units or (words if any(words) else []), start + 1
     return start + 1, names, units
-
-
-def _below_remarks(lines: Lines, start: int, form: TextForm) -> int:
-    """Return the header line below comment lines, or the first comment line if it is the header."""
-    plain = (
-        at for at in range(start, len(lines)) if (text := lines[at].lstrip()) and not text.startswith(form.comment)
-    )
-    header, below = next(plain, None), next(plain, None)
-    if header in (None, start) or below is None:
-        return start
-    names = split_row(lines[header], form.of_header)
-    width = len(split_row(lines[below], form.delimiter))
-    remark = split_row(lines[start].lstrip(form.comment), form.of_header)
-    return header if len(remark) < width == len(names) and is_words(names, form) else start
 
 
 def without_headers(
@@ -319,38 +313,40 @@ def column_number(column: int | str, names: Fields, width: int, path: Path, *, i
     return column
 
 
-def _fields(rows: Lines, form: TextForm, places: dict[str, int]) -> pl.DataFrame:
-    """Return the fields of some columns, by name and number, as texts; null in rows that are too short."""
+def _fields(rows: Lines, form: TextForm, places: dict[str, int], texts: Set[str]) -> pl.DataFrame:
+    """Return the fields of some columns, by name and number, as numbers; those in `texts` as they are written.
+
+    The result is null in rows that are too short, and for fields that are not numbers. A trailing comment is ignored.
+    """
     import polars as pl
 
     if any('"' in row for row in rows):
         split = [split_row(row, form.delimiter) for row in rows]
         columns = {name: [row[at] if at < len(row) else None for row in split] for name, at in places.items()}
-        return pl.DataFrame(columns, schema=dict.fromkeys(places, pl.String))
-    row = pl.col("row")
-    if form.delimiter is None:
-        row = row.str.strip_chars().str.replace_all(r"\s+", " ")
-    parts = row.str.split(form.delimiter or " ").list
-    fields = [parts.get(at, null_on_oob=True).str.strip_chars().alias(name) for name, at in places.items()]
-    return pl.Series("row", rows, dtype=pl.String).to_frame().select(fields)
-
-
-def _number(text: pl.Expr, form: TextForm) -> pl.Expr:
-    """Return the polars expression that reads fields as numbers, ignoring a trailing comment; null if not a number."""
-    import polars as pl
-
-    text = text.str.replace(rf"\s*{re.escape(form.comment)}.*$", "")
-    text = pl.when(text.str.to_lowercase().is_in(MISSING)).then(pl.lit("nan")).otherwise(text)
-    if form.thousands or form.decimal != ".":
-        text = pl.when(text.str.contains(number_pattern(form))).then(text)
-    if form.thousands == form.decimal:  # the last sign is the decimal one
-        sign = re.escape(form.decimal)
-        whole, rest = (text.str.extract(rf"^(.*)({sign}.*)$", group).fill_null("") for group in (1, 2))
-        joined = whole.str.replace_all(form.decimal, "", literal=True) + rest
-        text = pl.when(rest != "").then(joined).otherwise(text)
-    elif form.thousands:
-        text = text.str.replace_all(_thousands(form), "")
-    return text.str.replace(form.decimal, ".", literal=True).cast(pl.Float64, strict=False)
+        fields = pl.DataFrame(columns, schema=dict.fromkeys(places, pl.String))
+    else:
+        row = pl.col("row")
+        if form.delimiter is None:
+            row = row.str.strip_chars().str.replace_all(r"\s+", " ")
+        parts = row.str.split(form.delimiter or " ").list
+        cells = [parts.get(at, null_on_oob=True).str.strip_chars().alias(name) for name, at in places.items()]
+        fields = pl.Series("row", rows, dtype=pl.String).to_frame().select(cells)
+    numbers = []
+    for name in places.keys() - texts:
+        text = pl.col(name).str.replace(rf"\s*{re.escape(form.comment)}.*$", "")
+        text = pl.when(text.str.to_lowercase().is_in(MISSING)).then(pl.lit("nan")).otherwise(text)
+        if form.thousands or form.decimal != ".":
+            text = pl.when(text.str.contains(number_pattern(form))).then(text)
+        if form.thousands == form.decimal:  # the last sign is the decimal one
+            sign = re.escape(form.decimal)
+            whole, rest = (text.str.extract(rf"^(.*)({sign}.*)$", group).fill_null("") for group in (1, 2))
+            joined = whole.str.replace_all(form.decimal, "", literal=True) + rest
+            text = pl.when(rest != "").then(joined).otherwise(text)
+        elif form.thousands:
+            text = text.str.replace_all(_thousands(form), "")
+        number = text.str.replace(form.decimal, ".", literal=True).cast(pl.Float64, strict=False)
+        numbers.append(number.alias(name))
+    return fields.with_columns(numbers)
 
 
 SAMPLED_LINES = 400

@@ -15,7 +15,7 @@ from pneudrive.characteristics import campaign_friction
 from pneudrive.errors import CampaignError, LayoutError
 from pneudrive.friction.budget import systematic_budget
 from pneudrive.signals.force_calibration import ForceCalibration
-from pneudrive.signals.importer import convert
+from pneudrive.signals.importer import si_columns
 from pneudrive.signals.layout import Layout
 from pneudrive.signals.recording import Recording
 from unit.signals.test_bad_recordings import TEXT
@@ -109,7 +109,8 @@ LAYOUT = TEXT.replace('"N"', '"kN", positive = "-x"') + "[force_calibration]\n"
 def test_a_layout_corrects_what_the_sensor_shows_before_it_turns_the_sign():
     text = LAYOUT + 'reference = ["0 N", "50 N", "100 N"]\nshown = ["1 N", "52 N", "104 N"]\ndate = 2026-03-01\n'
     said = Layout.loads(text).for_file(Path("run.csv"))
-    assert convert(said, "force", np.array([0.001, 0.052, 0.078])) == pytest.approx([0.0, -50.0, -75.0])
+    shown = {"time": np.arange(3.0), "force": np.array([0.001, 0.052, 0.078])}
+    assert si_columns(said, shown)["force_n"] == pytest.approx([0.0, -50.0, -75.0])
     assert said.force_calibration.words() == "2026-03-01"
 
 
