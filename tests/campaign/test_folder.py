@@ -16,11 +16,9 @@ from oracle.campaigns import rewrite
 from pneudrive.campaign.cycle import Cycle
 from pneudrive.campaign.status import status_of
 from pneudrive.campaign.storage.folder import (
-    HEAD,
     Campaign,
     CycleFile,
     Head,
-    _file_of,
     create,
     read_samples,
     steps_from_motion,
@@ -29,15 +27,17 @@ from pneudrive.campaign.storage.folder import (
 )
 from pneudrive.errors import CampaignError
 from pneudrive.files import seal
-from pneudrive.files.tables import read_texts
 from pneudrive.rig.interface import Move, Samples, Sampling
 
 CYCLE = Cycle("b1/sweep/v50/r1", "sweep", (Move(0.1, 0.05), Move(0.0, 0.05)), Sampling(), 2e5, 1.5e5, speed_m_s=0.05)
 
 
 def read_head(path) -> Head:
-    (text,) = read_texts([path], HEAD, CampaignError)
-    return _file_of(path, text)[0].head
+    files, problems = Campaign.open(path.parents[1]).scan()
+    for problem in problems:
+        if problem.lost and problem.where.endswith(path.name):
+            raise CampaignError(problem.what)
+    return next(file.head for file in files if file.path == path)
 
 
 def some_samples(n: int = 300) -> Samples:

@@ -123,13 +123,7 @@ class Head:
 REQUIRED_FOR = {"sweep": ("speed_m_s",), "sentinel": ("speed_m_s",), "stop": ("speed_m_s", "stop_s")}
 
 
-def read_head(
-    text: str,
-    where: str,
-    *,
-    index: int | None = None,
-    key: str = "",
-) -> tuple[Head, list[str]]:
+def read_head(text: str, where: str, index: int | None = None, key: str = "") -> tuple[Head, list[str]]:
     """Read the header of a cycle, written by pneudrive or by another program.
 
     Parameters

@@ -29,7 +29,7 @@ from pneudrive.campaign.storage.control import FOLDER, PART, clear_errors, make_
 from pneudrive.errors import CampaignError, PneudriveError, RecordingError
 from pneudrive.files.content import exists, read_json, read_text
 from pneudrive.files.seal import sealed_parquet
-from pneudrive.files.tables import Text, read_columns, read_texts
+from pneudrive.files.tables import read_columns, read_texts
 from pneudrive.repr_tables import Card, Shown
 from pneudrive.rig.interface import CHANNELS, SHARED, Identity, Move, Samples, envelope_of, identity_of, plain
 from pneudrive.signals.motion import middle, noise_level
@@ -192,26 +192,31 @@ def read_samples(
         Kinds of cycles whose steps are needed; None: all. For other kinds, missing steps are -1, because deriving them
         from the motion takes longer than reading.
     """
-    columns = read_columns([file.path for file in files], COLUMNS, CampaignError)
-    for file, found in zip(files, columns, strict=True):
+    read = read_columns([file.path for file in files], COLUMNS, CampaignError)
+    for file, columns in zip(files, read, strict=True):
         try:
-            yield _samples(file, found, steps_of is None or file.cycle.kind in steps_of)
+            if isinstance(columns, PneudriveError):
+                raise columns
+            yield _samples(file, columns, steps_of is None or file.cycle.kind in steps_of)
         except CampaignError as error:  # noqa: PERF203 - each file has its own error
             yield error
 
 
-def _samples(file: CycleFile, columns: dict[str, NDArray[Any]] | PneudriveError, derive: bool) -> Samples:
+def _samples(file: CycleFile, columns: dict[str, NDArray[Any]], derive: bool) -> Samples:
     """Make samples from a file's columns.
 
     Raises
     ------
     CampaignError
-        If the columns cannot be read, are damaged, or one is missing.
+        If the columns are damaged, or one is missing.
     """
-    where = str(file.path)
-    if isinstance(columns, PneudriveError):
-        raise columns
-    channels = {name: _column(columns[name], name, where) for name in COLUMNS if name in columns}
+    where, channels = str(file.path), {}
+    for name in (name for name in COLUMNS if name in columns):
+        # Whole numbers with missing values were read as floats.
+        kinds, rule = ("iu", "whole numbers, none missing") if name == "step" else ("iuf", "numbers in SI units")
+        if columns[name].dtype.kind not in kinds:
+            raise CampaignError(f"column {name} holds {columns[name].dtype}", where=where, rule=rule)
+        channels[name] = np.array(columns[name], dtype=np.int64 if name == "step" else np.float64)
     if file.head.sha256 and file.head.sha256 != digest(channels):
         raise CampaignError("the samples are damaged: their SHA-256 differs from the one in the header", where=where)
     step = channels.pop("step", None)
@@ -241,9 +246,20 @@ def recording_of(file: CycleFile, identity: Identity, samples: Samples) -> tuple
     name = file.cycle.key
     count = len(samples)
     flags = {kind: int(number) for kind, number in file.head.flags.items() if number}
-    good, backwards = _forwards(samples)
-    if backwards:
-        flags["time_backwards"] = backwards
+    # Samples in the order of time. Repeated samples are dropped. If the clock jumped back, only the longest stretch
+    # without a jump is kept.
+    finite = np.isfinite(samples.time_s)
+    time = np.where(finite, samples.time_s, -np.inf)
+    good = finite & (time >= np.maximum.accumulate(time))
+    back = np.flatnonzero(finite & ~good)
+    if back.size:
+        order = np.flatnonzero(good)
+        twin = order[np.minimum(np.searchsorted(time[order], time[back]), order.size - 1)]
+        if not ((time[twin] == time[back]) & (samples.force_n[twin] == samples.force_n[back])).all():
+            known = np.flatnonzero(finite)
+            stretches = np.split(known, np.flatnonzero(np.diff(time[known]) < 0) + 1)
+            good = np.isin(np.arange(time.size), max(stretches, key=len))
+        flags["time_backwards"] = int(finite.sum() - good.sum())
     # A released axis creeps by single counts: this is not a stuck sensor.
     stands = bool(file.cycle.steps) and not any(isinstance(step, Move) for step in file.cycle.steps)
     channels = {channel: getattr(samples, channel)[good] for channel in CHANNELS[:-1]}
@@ -265,28 +281,6 @@ def recording_of(file: CycleFile, identity: Identity, samples: Samples) -> tuple
         if kind != "gap":  # bursts are denser than the rest: the length of an interval means nothing
             flags[kind] = max(flags.get(kind, 0), number)
     return recording, flags
-
-
-def _forwards(samples: Samples) -> tuple[Bools, int]:
-    """Mark the samples with increasing time, and count the others.
-
-    Repeated samples are dropped. If the clock jumped back, only the longest stretch without a jump is kept.
-    """
-    finite = np.isfinite(samples.time_s)
-    time = np.where(finite, samples.time_s, -np.inf)
-    good = finite & (time >= np.maximum.accumulate(time))
-    back = np.flatnonzero(finite & ~good)
-    if not back.size:
-        return good, 0
-    order = np.flatnonzero(good)
-    twin = order[np.minimum(np.searchsorted(time[order], time[back]), order.size - 1)]
-    same = (time[twin] == time[back]) & (samples.force_n[twin] == samples.force_n[back])
-    if same.all():
-        return good, back.size
-    known = np.flatnonzero(finite)
-    pieces = np.split(known, np.flatnonzero(np.diff(time[known]) < 0) + 1)
-    longest = max(pieces, key=len)
-    return np.isin(np.arange(time.size), longest), known.size - longest.size
 
 
 def steps_of(recording: Recording, samples: Samples) -> Ints:
@@ -336,33 +330,6 @@ def write_cycle(folder: Path, head: Head, samples: Samples) -> Path:
     head = replace(head, sha256=digest(vars(samples)))
     write_whole(target, sealed_parquet(pl.DataFrame(vars(samples)), {HEAD: head.to_json()}))
     return target
-
-
-def _file_of(path: Path, found: Text | PneudriveError) -> tuple[CycleFile, list[str]]:
-    """Make a cycle from the metadata of its file.
-
-    Raises
-    ------
-    CampaignError
-        The file cannot be read, or is invalid.
-    """
-    if isinstance(found, PneudriveError):
-        raise found
-    text, is_sealed = found
-    if text is None:
-        raise CampaignError.of("campaign.no-header", where=path, head=HEAD)
-    number, _, key = path.stem.partition("-")
-    index = int(number) if number.isdigit() else None
-    head, notes = read_head(text, str(path), index=index, key=key)
-    return CycleFile(path, head, is_sealed), notes
-
-
-def _column(values: NDArray[Any], name: str, where: str) -> NDArray[Any]:
-    """Check the type of a column; whole numbers with missing values are read as floats."""
-    kinds, rule = ("iu", "whole numbers, none missing") if name == "step" else ("iuf", "numbers in SI units")
-    if values.dtype.kind not in kinds:
-        raise CampaignError(f"column {name} holds {values.dtype}", where=where, rule=rule)
-    return np.array(values, dtype=np.int64 if name == "step" else np.float64)
 
 
 @dataclass(frozen=True, repr=False)
@@ -443,14 +410,20 @@ class Campaign(Shown):
         problems = [Problem(RIG, note, lost=False) for note in self.notes]
         paths = self.files()
         with many_objects():
-            for path, text in zip(paths, read_texts(paths, HEAD, CampaignError), strict=True):
+            for path, read in zip(paths, read_texts(paths, HEAD, CampaignError), strict=True):
                 try:
-                    file, notes = _file_of(path, text)
+                    if isinstance(read, PneudriveError):
+                        raise read
+                    text, is_sealed = read
+                    if text is None:
+                        raise CampaignError.of("campaign.no-header", where=path, head=HEAD)
+                    number, _, key = path.stem.partition("-")
+                    head, notes = read_head(text, str(path), int(number) if number.isdigit() else None, key)
                 except CampaignError as error:
                     problems.append(Problem(f"{CYCLES}/{path.name}", _one_line(error)))
                     continue
                 problems += [Problem(f"{CYCLES}/{path.name}", note, lost=False) for note in notes]
-                found.append(file)
+                found.append(CycleFile(path, head, is_sealed))
         found.sort(key=lambda file: file.head.index)  # equal indices stay in the order of their names
         unique: dict[str, CycleFile] = {}
         for file in found:
