@@ -190,17 +190,16 @@ class ReplayRig:
         return abs(cycle.pressure_a_pa - state.pressure_a_pa), abs(cycle.pressure_b_pa - state.pressure_b_pa)
 
     def _find(self, steps: Sequence[Step]) -> CycleFile:
+        """Return the recording to play. If there is none, the error lists the nearest recordings."""
+
         def fits(cycle: Cycle) -> bool:
             is_mounted = all(cycle.levels.get(factor, level) == level for factor, level in self._levels.items())
             is_near = is_mounted and max(self._apart_pa(cycle)) <= self.pressure_tolerance_pa
             return is_near and matches(steps, cycle, self.speed_tolerance)
 
         matching = [file for file in self.files if fits(file.cycle)]
-        if not matching:
-            raise self._none_like(steps)
-        return min(matching, key=lambda file: (file.cycle.key != self._key, self._played[file.name]))
-
-    def _none_like(self, steps: Sequence[Step]) -> RigError:
+        if matching:
+            return min(matching, key=lambda file: (file.cycle.key != self._key, self._played[file.name]))
         moves = [step for step in steps if isinstance(step, Move)]
         stop = max((step.duration_s for step in steps if isinstance(step, Hold)), default=0.0)
         wanted = moves[-1].speed_m_s if moves else 0.0
@@ -209,11 +208,10 @@ class ReplayRig:
             apart = (abs(np.log(speed / wanted)) for speed in speeds_of(file.cycle) if wanted)
             return sum(self._apart_pa(file.cycle)) / self.pressure_tolerance_pa + min(apart, default=9)
 
-        near = sorted(self.files, key=distance)[:SHOWN]
+        nearest = "; ".join(map(_described, sorted(self.files, key=distance)[:SHOWN]))
         asked = {"moves": len(moves), "speed": 1e3 * wanted, "stop": stop, "pressures": _bar(self._state)}
         asked |= {"percent": 100 * self.speed_tolerance, "mbar": self.pressure_tolerance_pa / 100}
-        nearest = "; ".join(map(_described, near))
-        return RigError.of("campaign.no-recording", where=self._key or None, nearest=nearest, **asked)
+        raise RigError.of("campaign.no-recording", where=self._key or None, nearest=nearest, **asked)
 
     def _play(self, file: CycleFile, samples: Samples) -> Iterator[Samples]:
         if not len(samples):

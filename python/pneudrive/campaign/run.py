@@ -193,23 +193,22 @@ def _bench(
 ) -> Iterator[tuple[Rig, str]]:
     """Provide the rig, and its address for a later `resume_campaign`.
 
-    The address is empty if the caller made the rig and closes it.
+    The address is empty if the caller made the rig and closes it. An address (also ``own_rig.py:make_rig``) has full
+    paths, so that it is valid in any folder.
     """
     from pneudrive.rig.rig_file import load_rig
 
     if not isinstance(rig, str | Path):
         yield rig, ""
         return
-    with closed_after(load_rig(rig, seed=seed, pace=pace, **found)) as bench:
-        yield bench, _full_name(str(rig))
-
-
-def _full_name(source: str) -> str:
-    """Return the address of a rig (also ``own_rig.py:make_rig``) with full paths, so that it is valid in any folder."""
-    if Path(source).exists():
-        return str(Path(source).resolve())
+    source = str(rig)
     file, _, name = source.rpartition(":")
-    return f"{Path(file).resolve()}:{name}" if file and Path(file).is_file() else source
+    with closed_after(load_rig(rig, seed=seed, pace=pace, **found)) as bench:
+        if Path(source).exists():
+            source = str(Path(source).resolve())
+        elif file and Path(file).is_file():
+            source = f"{Path(file).resolve()}:{name}"
+        yield bench, source
 
 
 def _about(plan: Plan, operator: str, labels: dict[str, str], source: str) -> Plain:

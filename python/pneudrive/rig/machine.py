@@ -353,8 +353,12 @@ class Machine:
         """
         d, friction = self.d, self.friction(past)
         hold = step if isinstance(step, Hold) else Hold(0.0)
-        if hold.released:
-            self._stays(past, friction)
+        if hold.released:  # pressure and weight must not move a released piston away
+            ambient, (area_a, area_b) = d.ambient_pressure_pa, d.areas_m2
+            push = (past.pressure_a_pa - ambient) * area_a - (past.pressure_b_pa - ambient) * area_b
+            push -= d.tables.cylinder.moving_mass * STANDARD_GRAVITY_M_S2 * np.sin(d.tables.cylinder.incline)
+            if abs(push) > (holds := self.steady_n(past, friction, CREEP_M_S)):
+                raise RigError.of("rig.moves-away", push=push, holds=holds)
         begin = past.commanded_m if past.state is None else past.state
         rig = core_rig(d, (past.pressure_a_pa, past.pressure_b_pa), friction, float(past.room_k(d)))
         result = drag(rig, motion, times, begin, released=hold.released, shut=hold.shut, look=look)
@@ -401,14 +405,3 @@ class Machine:
             if max(abs(a / a_pa - 1.0), abs(b / b_pa - 1.0)) < SETTLED:
                 return past
         raise RigError.of("rig.not-settled", a=a_pa, b=b_pa, seconds=LONGEST_S, value=f"{a:g} and {b:g} Pa")
-
-    def _stays(self, past: Past, friction: Plain) -> None:
-        """Check that pressure and weight would not move a released piston away."""
-        d = self.d
-        area_a, area_b = d.areas_m2
-        ambient = d.ambient_pressure_pa
-        push = (past.pressure_a_pa - ambient) * area_a - (past.pressure_b_pa - ambient) * area_b
-        push -= d.tables.cylinder.moving_mass * STANDARD_GRAVITY_M_S2 * np.sin(d.tables.cylinder.incline)
-        holds = self.steady_n(past, friction, CREEP_M_S)
-        if abs(push) > holds:
-            raise RigError.of("rig.moves-away", push=push, holds=holds)

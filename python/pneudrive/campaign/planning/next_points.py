@@ -34,20 +34,16 @@ def limits_of(fit: FrictionFit, identity: Identity, envelope: Envelope) -> Limit
     # starting and stopping take at most half of the stroke
     fastest = min(envelope.speed_m_s, (0.5 * stroke * acceleration) ** 0.5)
     slowest = min(SLOWEST_M_S, fastest / 10.0)
-    gauges, settling_s = _gauges(fit, identity, envelope), Pressures().settling_s  # by default
-    return Limits((slowest, fastest), gauges, stroke, acceleration, settling_s=settling_s)
-
-
-def _gauges(fit: FrictionFit, identity: Identity, envelope: Envelope) -> tuple[tuple[float, float], ...]:
-    """Return the pairs of gauge pressures whose force is at most half of the rig's force range."""
+    # Pairs of gauge pressures whose force is at most half of the rig's force range.
     top = min(HIGHEST_PA, 1e4 * ((envelope.pressure_pa[1] - identity.ambient_pressure_pa) // 1e4))
-    if not fit.model.chambers or top <= 0.0:
-        return ((0.0, 0.0),)
-    levels = [top * k / (LEVELS - 1) for k in range(LEVELS)]
-    pairs = [(a, a) for a in levels]
-    if envelope.separate_pressures:
-        chambers = "".join(fit.model.chambers)
-        pairs = [(a if "a" in chambers else 0.0, b if "b" in chambers else 0.0) for a in levels for b in levels]
+    chambers, pairs = "".join(fit.model.chambers), []
+    if chambers and top > 0.0:
+        levels = [top * k / (LEVELS - 1) for k in range(LEVELS)]
+        pairs = [(a, a) for a in levels]
+        if envelope.separate_pressures:
+            pairs = [(a if "a" in chambers else 0.0, b if "b" in chambers else 0.0) for a in levels for b in levels]
     highest_n = FORCE_SHARE * envelope.force_n
     kept = [(a, b) for a, b in pairs if abs(a * identity.area_a_m2 - b * identity.area_b_m2) <= highest_n]
-    return tuple(dict.fromkeys(kept)) or ((0.0, 0.0),)
+    gauges = tuple(dict.fromkeys(kept)) or ((0.0, 0.0),)
+    settling_s = Pressures().settling_s  # by default
+    return Limits((slowest, fastest), gauges, stroke, acceleration, settling_s=settling_s)

@@ -57,45 +57,9 @@ def _stop_levels(protocol: Protocol) -> tuple[Sequence[Any], ...]:
     return stop.position, stop.released, stop.restart_speed_m_s, directions, stop.durations_s
 
 
-def cycle_count(protocol: Protocol) -> int:
-    """Return the number of points in all blocks, without building the blocks."""
-    points = len(_sweep_levels(protocol)) + math.prod(map(len, _stop_levels(protocol)))
-    blocks = math.prod(len(factor.levels) for factor in protocol.hard.values()) * protocol.order.replicates
-    return points * len(protocol.pressure.levels) * protocol.repeats * blocks
-
-
 @lru_cache(maxsize=4096)
 def _move_s(distance_m: float, speed_m_s: float, limits: Limits) -> float:
     return move(distance_m, speed_m_s, limits).duration_s
-
-
-def axis_use(cycle: Cycle, limits: Limits) -> tuple[float, int]:
-    """Return the duration of the moves and holds of a cycle in s, and the number of samples."""
-    at, time_s, samples = cycle.start_m, 0.0, int(bool(cycle.steps))
-    assert at is not None
-    for step in cycle.steps:
-        if isinstance(step, Hold):
-            step_s = step.duration_s
-        else:
-            distance, at = step.to_m - at, step.to_m
-            step_s = _move_s(distance, step.speed_m_s, limits) if distance else 0.0
-        time_s += step_s
-        samples += step_samples(step_s, isinstance(step, Move), cycle.sampling)
-    return time_s, samples
-
-
-def ordered_blocks(protocol: Protocol) -> list[dict[str, str]]:
-    """Return the levels of the hard-to-change factors block by block, one replicate after the other.
-
-    Even if levels are shuffled, equal levels of the hardest-to-change factor stay together.
-    """
-    blocks: list[dict[str, str]] = []
-    for replicate in range(1, protocol.order.replicates + 1):
-        levels = {name: factor.levels for name, factor in protocol.hard.items()}
-        if protocol.order.kind == "randomised":
-            levels = {n: shuffle(each, str, f"{protocol.seed}/replicate {replicate}/{n}") for n, each in levels.items()}
-        blocks += [dict(zip(levels, each, strict=True)) for each in product(*levels.values())]
-    return blocks
 
 
 def ordered_points(protocol: Protocol, block: int, families: Sequence[list[list[Planned]]]) -> list[Planned]:
@@ -188,7 +152,10 @@ def draft(protocol: Protocol, identity: Identity, envelope: Envelope) -> Plan:
             rule=f"the axis may move from {preflight.millimetres(low)} to {preflight.millimetres(high)}",
             remedy="Change [position] range or margin.",
         )
-    count = cycle_count(protocol)
+    # The number of points in all blocks, before the blocks are built.
+    points = len(_sweep_levels(protocol)) + math.prod(map(len, _stop_levels(protocol)))
+    blocks = math.prod(len(factor.levels) for factor in protocol.hard.values()) * protocol.order.replicates
+    count = points * len(protocol.pressure.levels) * protocol.repeats * blocks
     within("cycles", count, f"the protocol asks for {count:,} cycles or more", ProtocolError, protocol.origin)
     with many_objects():
         plan = replace(plan, planned=tuple(_planned(plan)))
@@ -210,7 +177,15 @@ def _planned(plan: Plan) -> Iterator[Planned]:
         [[_stop(plan, pair, *levels) for levels in product(*_stop_levels(protocol))] for pair in pairs],
     )
     at = VENTED.absolute_pa(plan.identity.ambient_pressure_pa)
-    for block, levels in enumerate(ordered_blocks(protocol), start=1):
+    # Levels of the hard-to-change factors, one replicate after the other. Even if levels are shuffled, equal levels of
+    # the hardest-to-change factor stay together.
+    blocks: list[dict[str, str]] = []
+    for replicate in range(1, protocol.order.replicates + 1):
+        hard = {name: factor.levels for name, factor in protocol.hard.items()}
+        if protocol.order.kind == "randomised":
+            hard = {n: shuffle(each, str, f"{protocol.seed}/replicate {replicate}/{n}") for n, each in hard.items()}
+        blocks += [dict(zip(hard, each, strict=True)) for each in product(*hard.values())]
+    for block, levels in enumerate(blocks, start=1):
         numbers = Counter[str]()
         for entry in _block(plan, before, levels, ordered_points(protocol, block, families)):
             cycle, name = entry.cycle, entry.cycle.key
@@ -300,7 +275,16 @@ def _entry(
     """Return a cycle without its place in the plan. Its key does not contain the block."""
     pressures = pair.absolute_pa(plan.identity.ambient_pressure_pa)
     cycle = Cycle(name, kind, steps, sampling or plan.protocol.sampling, *pressures, start_m=plan.ends_m[0], **about)
-    return Planned(cycle, wait_s, *axis_use(cycle, plan.limits))
+    at, axis_s, samples = plan.ends_m[0], 0.0, int(bool(steps))
+    for step in steps:
+        if isinstance(step, Hold):
+            step_s = step.duration_s
+        else:
+            distance, at = step.to_m - at, step.to_m
+            step_s = _move_s(distance, step.speed_m_s, plan.limits) if distance else 0.0
+        axis_s += step_s
+        samples += step_samples(step_s, isinstance(step, Move), cycle.sampling)
+    return Planned(cycle, wait_s, axis_s, samples)
 
 
 def _out_and_back(plan: Plan, speed_m_s: float, times: int = 1) -> tuple[Step, ...]:

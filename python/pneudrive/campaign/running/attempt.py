@@ -355,7 +355,11 @@ def _dropped(time: Array, step: Ints, cycle: Cycle) -> int:
     intervals = np.maximum(np.diff(time), 0.0)  # undefined if the clock jumps back
     if intervals.size < 2 * NEIGHBOURS:
         return 0
-    usual = _usual_interval(intervals)
+    # Median of the intervals before or after each interval, whichever is longer: the rate may change between steps.
+    padded = np.pad(intervals, NEIGHBOURS, mode="edge")
+    medians = np.median(np.lib.stride_tricks.sliding_window_view(padded, NEIGHBOURS), axis=1)
+    after = medians[NEIGHBOURS + 1 : NEIGHBOURS + 1 + intervals.size]
+    usual = np.maximum(medians[: intervals.size], after)
     deviation = float(np.median(np.abs(intervals - usual)))
     planned, sampling = np.zeros(time.size - 1), cycle.sampling  # 0 inside bursts and without a plan
     for number, one in enumerate(cycle.steps):
@@ -372,17 +376,6 @@ def _dropped(time: Array, step: Ints, cycle: Cycle) -> int:
     within_step = (step[1:] == step[:-1]) & (expected > 0.0)
     late = within_step & (intervals > LATE * expected + JITTER * deviation)
     return int(np.sum(np.maximum(np.rint(intervals[late] / expected[late]) - 1.0, 1.0)))
-
-
-def _usual_interval(intervals: Array) -> Array:
-    """Return the median of the intervals before or after each interval, whichever is longer.
-
-    The rate may change between steps.
-    """
-    padded = np.pad(intervals, NEIGHBOURS, mode="edge")
-    windows = np.lib.stride_tricks.sliding_window_view(padded, NEIGHBOURS)
-    medians = np.median(windows, axis=1)
-    return np.maximum(medians[: intervals.size], medians[NEIGHBOURS + 1 : NEIGHBOURS + 1 + intervals.size])
 
 
 def _sensors(samples: Samples, cycle: Cycle, identity: Identity) -> tuple[int, int]:

@@ -270,7 +270,16 @@ class CampaignRun:
 
     def _cycles(self) -> str:
         """Run the remaining cycles, and publish their documents."""
-        documents = Documents(self._subscribers, f"campaign:{self.campaign.path.name}", self._metadata())
+        about = {
+            "plan_name": "friction campaign",
+            "campaign": str(self.campaign.about.get("name", "")),
+            "folder": str(self.campaign.path),
+            "operator": self.options.operator,
+            "synthetic": self.campaign.synthetic,
+            "num_points": len(self.plan.planned),
+            "versions": {"pneudrive": __version__},
+        }
+        documents = Documents(self._subscribers, f"campaign:{self.campaign.path.name}", about)
         bad = 0
         try:
             for planned in self.plan.planned:
@@ -293,17 +302,6 @@ class CampaignRun:
             raise
         documents.stop("success")
         return DONE
-
-    def _metadata(self) -> Plain:
-        return {
-            "plan_name": "friction campaign",
-            "campaign": str(self.campaign.about.get("name", "")),
-            "folder": str(self.campaign.path),
-            "operator": self.options.operator,
-            "synthetic": self.campaign.synthetic,
-            "num_points": len(self.plan.planned),
-            "versions": {"pneudrive": __version__},
-        }
 
     # -- requests ---------------------------------------------------------------------------------------------
 

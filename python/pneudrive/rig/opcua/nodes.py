@@ -197,7 +197,16 @@ def _node(name: str, given: object) -> Node:
         if key not in known:
             raise DescriptionError(f"{key} is not a known key", remedy=nearest(key, known))
     if "constant" in table:
-        return Node(kind, kind.type, constant=_constant(name, kind, table["constant"]))
+        if kind.client or not kind.unit or name.partition(".")[2] in ("time", "position", "force"):
+            rule = "only unmeasured pressures and temperatures can be constant"
+            raise DescriptionError("the node cannot be a constant", rule=rule)
+        is_pressure, stated = kind.unit == "Pa", table["constant"]
+        value = (
+            StatedPressure(gauge_allowed=False).read(stated).value_pa
+            if is_pressure
+            else Quantity(kind.unit).read(stated)
+        )
+        return Node(kind, kind.type, constant=value)
     node_type = table.get("type", kind.type)
     if node_type not in TYPES[kind.type]:
         raise DescriptionError(f"type = {node_type!r} is not possible", rule=f"one of {', '.join(TYPES[kind.type])}")
@@ -225,15 +234,6 @@ def _node_id(name: str, text: object) -> str:
     if ("{slot}" in text) != (name in IN_RING):
         raise DescriptionError(f"id {text!r} is not possible", rule="only ids of nodes of the ring contain {slot}")
     return text
-
-
-def _constant(name: str, kind: NodeKind, given: object) -> float:
-    if kind.client or not kind.unit or name.partition(".")[2] in ("time", "position", "force"):
-        rule = "only unmeasured pressures and temperatures can be constant"
-        raise DescriptionError("the node cannot be a constant", rule=rule)
-    if kind.unit == "Pa":
-        return StatedPressure(gauge_allowed=False).read(given).value_pa
-    return Quantity(kind.unit).read(given)
 
 
 def _scale(kind: NodeKind, table: dict[str, Any]) -> tuple[float, float, bool]:
