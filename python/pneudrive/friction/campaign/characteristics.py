@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.arrays import Interval, by_name, evenly
+from pneudrive.arrays import by_name, evenly
 from pneudrive.batching import many_objects
 from pneudrive.campaign.storage.folder import Campaign
 from pneudrive.estimate.estimates import Estimate, mean_estimate, one_thread
 from pneudrive.friction.campaign import curves as campaign_curves
 from pneudrive.friction.campaign import trends
 from pneudrive.friction.campaign.points import CurvePoints, points_of
-from pneudrive.friction.campaign.reading import CampaignData, loop_of, read_campaign, reading_of
+from pneudrive.friction.campaign.reading import CampaignData, Loop, read_campaign, read_each, reading_of, reversal_loop
 from pneudrive.friction.campaign.result import CampaignCharacteristics, Ranges
 from pneudrive.friction.campaign.statements import statements
 from pneudrive.friction.campaign.stops import dwell_law
@@ -35,7 +35,6 @@ if TYPE_CHECKING:
     import polars as pl
     import xarray as xr
 
-    from pneudrive.friction.campaign.cycles import Loop
     from pneudrive.friction.characterisation import Characterisation
     from pneudrive.identify.static.result import FrictionFit
     from pneudrive.signals.layout import AnyLayout
@@ -162,22 +161,31 @@ def _characterise(reading: CampaignData, choice: SampleChoice) -> CampaignCharac
     if fits is not None:
         separated = rig.pressure_measured_at == "chamber"
         curves = campaign_curves.curves_of(fits, contains_air=not separated)
+        ambient_pa, assemblies = rig.ambient_pressure_pa, fits.points.assemblies.items()
+        pressures = [trends.pressure_effects(ambient_pa, fits, *assembly) for assembly in assemblies]
         parts |= {
             "curves": curves,
             "air": campaign_curves.air_shares(fits, curves, separated=separated),
             "asymmetry": campaign_curves.asymmetries(fits),
             "drift": trends.drift_of(fits),
             "repeatability": trends.repeatability(fits),
-            "pressure": trends.pressure_effects(fits, rig.ambient_pressure_pa),
+            "pressure": tuple(effects for effects in pressures if effects is not None),
             "sources": campaign_curves.sources(fits, reading.gain, rig.force_calibration),
         }
     if points is not None:
         parts["stick_slip"], parts["stick_slip_thresholds"] = campaign_curves.stick_slip(points)
         parts |= {
             "position": trends.position_dependence(points),
-            "loops": tuple(_loops(reading, points, choice)),
+            "loops": _loops(reading, points, choice),
         }
-    cycles = _cycles(reading, points)
+    cycles, sliding = _cycles(reading, points), reading.sliding
+    measured = {"speed_m_s": np.abs(sliding["velocity_m_s"]), "temperature_k": sliding["temperature_k"]}
+    for side in "ab":
+        measured[f"gauge_{side}_pa"] = sliding[f"pressure_{side}_pa"] - rig.ambient_pressure_pa
+    ranges = {}  # lowest and highest measured values
+    for name, values in measured.items():
+        known = values[np.isfinite(values)]
+        ranges[name] = (float(known.min()), float(known.max())) if known.size else (np.nan, np.nan)
     found = CampaignCharacteristics(
         name=reading.name,
         folder=reading.source,
@@ -188,7 +196,7 @@ def _characterise(reading: CampaignData, choice: SampleChoice) -> CampaignCharac
         skipped=reading.skipped,
         flags=dict(Counter(flag for flags in cycles["flags"].to_list() for flag in flags)),
         zero=campaign_curves.sensor_zero(reading.tares),
-        ranges=_ranges(reading),
+        ranges=Ranges(**ranges),
         friction_map=campaign_curves.friction_map(reading, points, fits, choice.name),
         stops=cycles.select(),
         **parts,
@@ -196,17 +204,17 @@ def _characterise(reading: CampaignData, choice: SampleChoice) -> CampaignCharac
     return replace(found, statements=statements(found, reading, points, fits))
 
 
-def _loops(reading: CampaignData, points: CurvePoints, choice: SampleChoice) -> Iterator[Loop]:
+def _loops(reading: CampaignData, points: CurvePoints, choice: SampleChoice) -> tuple[Loop, ...]:
     """Return friction loops without offset for a slow, a middle and a fast cycle at each of the first conditions."""
-    for index in range(SHOWN_CONDITIONS if reading.files else 0):
+    files, chosen = {file.cycle.key: file for file in reading.files}, list[int]()
+    for index in range(SHOWN_CONDITIONS if files else 0):
         rows = np.flatnonzero((points["curve"] == index) & (points["set_speed_m_s"] > 0))
         levels = np.unique(points["level"][rows])
-        if not levels.size:
-            continue
-        for level in levels[evenly(levels.size, SHOWN_SPEEDS)]:
-            first = rows[points["level"][rows] == level][0]
-            if (loop := loop_of(reading, str(points["key"][first]), choice)) is not None:
-                yield replace(loop, friction_n=loop.friction_n - float(points["offset_n"][first]))
+        for level in levels[evenly(levels.size, SHOWN_SPEEDS)] if levels.size else ():
+            chosen.append(int(rows[points["level"][rows] == level][0]))
+    loops = read_each([files[points["key"][i]] for i in chosen], reversal_loop, reading.identity, choice)
+    pairs = zip(loops, points["offset_n"][chosen].tolist(), strict=True)
+    return tuple(replace(loop, friction_n=loop.friction_n - offset) for loop, offset in pairs if isinstance(loop, Loop))
 
 
 #: Columns of `SUMMARY` with forces, and their values and reason for a cycle without both directions.
@@ -236,19 +244,6 @@ def _cycles(reading: CampaignData, points: CurvePoints | None) -> pl.DataFrame:
     return pl.DataFrame(rows, schema=types).sort("index", maintain_order=True)
 
 
-def _ranges(reading: CampaignData) -> Ranges:
-    """Return the lowest and highest measured values."""
-    cycles, spans = reading.sliding, dict[str, Interval]()
-    measured = {"speed_m_s": np.abs(cycles["velocity_m_s"]), "temperature_k": cycles["temperature_k"]}
-    for side in "ab":
-        measured[f"gauge_{side}_pa"] = cycles[f"pressure_{side}_pa"] - reading.identity.ambient_pressure_pa
-    for name, values in measured.items():
-        known = values[np.isfinite(values)]
-        ends = (known.min(), known.max()) if known.size else (np.nan, np.nan)
-        spans[name] = float(ends[0]), float(ends[1])
-    return Ranges(**spans)
-
-
 # --- Measured effects of direction, position, stops and temperature, as tables of a drive's friction.
 #
 #   F(v, x, ...) = s (1 + slope (x - x0) + waves) [levels(v) + Fd(age)] + viscous v
@@ -268,58 +263,9 @@ Part = tuple[str, dict[str, object], dict[str, Estimate]]
 """Key in [friction], its table, and the estimates in the table by name."""
 
 
-def dependences_of(found: CampaignCharacteristics, viscous_n_s_m: float, levels: tuple[str, str, str]) -> Dependences:
-    """Return the friction modifiers other than speed and pressure, in the form of a drive file.
-
-    Parameters
-    ----------
-    found : CampaignCharacteristics
-    viscous_n_s_m : float
-        Viscous coefficient of the fit that receives the modifiers.
-    levels : tuple of str
-        Mounting, seal and drive of the fitted rows.
-
-    Returns
-    -------
-    Dependences
-        Significant effects only. Notes list the other effects, and effects that a drive file cannot describe.
-    """
-    notes: list[str] = []
-    held = [one for one in found.dwell if one.conditions and not one.released and one.conditions[0].levels == levels]
-    series = max(held, key=lambda one: len(one.stops), default=None)
-    age = _contact_age(series, found.identity.ambient_pressure_pa, notes)
-    slow, fast = found.ranges.speed_m_s
-    parts = [
-        *_direction(found, viscous_n_s_m, levels, notes),
-        *_position(found, viscous_n_s_m, levels),
-        *(() if age is None else _dwell(age, notes)),
-        *(() if series is None else _relaxation(series.stops, notes)),
-        *_temperature(found, viscous_n_s_m),
-    ]
-    # The drift over the sliding distance is measured per decade, without a limit. ``[friction.wear]`` decays
-    # exponentially to the friction after run-in, to which the parameters of the law belong. A logarithmic drift
-    # determines neither this friction nor the run-in distance.
-    per_decade = None if found.drift is None else found.drift.per_decade_of_travel
-    if per_decade is not None and per_decade.differs:
-        notes.append(sentence("modifier.run_in", slope=per_decade.value))
-    estimates = {f"friction.{key}.{name}": one for key, _, own in parts for name, one in own.items()}
-    tables = {key: table for key, table, _ in parts}
-    sliding = {} if age is None else {"breakaway": age.sliding_n(slow), "coulomb": age.sliding_n(fast)}
-    ends = {name: [one.value, one.low, one.high] for name, one in estimates.items()}
-    return Dependences(f"campaign {found.name}", tuple(notes), sliding, ends, tables)
-
-
 def _written(estimates: Mapping[str, Estimate]) -> dict[str, object]:
     """Return the values as a drive file states them: numbers, or texts with a unit."""
     return {n: round(e.value, 6) if e.unit == "1" else f"{e.value:.6g} {e.unit}" for n, e in estimates.items()}
-
-
-def _weighted(estimates: list[Estimate]) -> Estimate:
-    """Return the mean of estimates, weighted by the inverse of their variances."""
-    weights = np.array([1.0 / max(one.stderr, 1e-300) ** 2 for one in estimates])
-    value = float(weights @ [one.value for one in estimates] / weights.sum())
-    freedom = max(one.degrees_of_freedom for one in estimates)
-    return Estimate.of(value, float(weights.sum() ** -0.5), freedom, estimates[0].unit)
 
 
 # --- direction and position ----------------------------------------------------------------------------------------
@@ -338,7 +284,14 @@ def _direction(
             shares.append(one.mean.scaled(1.0 / level, "1"))
     if own and not shares:
         notes.append(sentence("modifier.no_tare"))
-    if not shares or not (mean := _weighted(shares)).differs:
+    if not shares:
+        return
+    # Mean of the shares, weighted by the inverse of their variances.
+    weights = np.array([1.0 / max(share.stderr, 1e-300) ** 2 for share in shares])
+    value = float(weights @ [share.value for share in shares] / weights.sum())
+    freedom = max(share.degrees_of_freedom for share in shares)
+    mean = Estimate.of(value, float(weights.sum() ** -0.5), freedom, "1")
+    if not mean.differs:
         return
     factors = {
         "positive": Estimate(1.0 + mean.value, 1.0 + mean.low, 1.0 + mean.high, mean.stderr, "1"),
@@ -488,13 +441,36 @@ def fit_campaign(found: CampaignCharacteristics) -> tuple[GroupFits, list[str]]:
 def with_dependences(fit: FrictionFit, found: CampaignCharacteristics, part: xr.Dataset) -> FrictionFit:
     """Return a fit with the friction modifiers that the campaign measured. `part` has the fitted rows of the map.
 
+    Only significant effects are modifiers. Notes list the other effects, and effects that a drive file cannot describe.
     Rows of several sets of mounting, seal and drive have no common modifiers, and a note reports this.
     """
-    sets = set(zip(*(part[name].to_numpy().tolist() for name in LEVELS), strict=True))
+    source, sets = f"campaign {found.name}", set(zip(*(part[name].to_numpy().tolist() for name in LEVELS), strict=True))
     if len(sets) > 1:
-        return replace(fit, dependences=Dependences(f"campaign {found.name}", (sentence("modifier.averaged"),)))
-    viscous = fit.values["viscous"] if "viscous" in fit.determined else 0.0
+        return replace(fit, dependences=Dependences(source, (sentence("modifier.averaged"),)))
+    viscous, levels = fit.values["viscous"] if "viscous" in fit.determined else 0.0, sets.pop()
+    notes: list[str] = []
+    held = [one for one in found.dwell if one.conditions and not one.released and one.conditions[0].levels == levels]
+    series = max(held, key=lambda one: len(one.stops), default=None)
     with one_thread():
-        measured = dependences_of(found, viscous, sets.pop())
+        age = _contact_age(series, found.identity.ambient_pressure_pa, notes)
+    parts = [
+        *_direction(found, viscous, levels, notes),
+        *_position(found, viscous, levels),
+        *(() if age is None else _dwell(age, notes)),
+        *(() if series is None else _relaxation(series.stops, notes)),
+        *_temperature(found, viscous),
+    ]
+    # The drift over the sliding distance is measured per decade, without a limit. ``[friction.wear]`` decays
+    # exponentially to the friction after run-in, to which the parameters of the law belong. A logarithmic drift
+    # determines neither this friction nor the run-in distance.
+    per_decade = None if found.drift is None else found.drift.per_decade_of_travel
+    if per_decade is not None and per_decade.differs:
+        notes.append(sentence("modifier.run_in", slope=per_decade.value))
+    estimates = {f"friction.{key}.{name}": one for key, _, own in parts for name, one in own.items()}
+    tables = {key: table for key, table, _ in parts}
+    slow, fast = found.ranges.speed_m_s
+    sliding = {} if age is None else {"breakaway": age.sliding_n(slow), "coulomb": age.sliding_n(fast)}
+    ends = {name: [one.value, one.low, one.high] for name, one in estimates.items()}
+    measured = Dependences(source, tuple(notes), sliding, ends, tables)
     is_of_both = fit.provenance["direction"] == "both"
     return replace(fit, dependences=measured if is_of_both else measured.without("direction"))

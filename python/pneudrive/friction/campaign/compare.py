@@ -65,9 +65,28 @@ class Check:
 
 
 def _checks(both: Both) -> Iterator[Check]:
-    """Compare rigs and protocols of two campaigns; values that were not measured are left out."""
+    """Compare rigs and protocols of two campaigns; values that were not measured (NaN) are left out."""
+    derived: list[dict[str, str | float | None]] = []
+    for found in both:
+        rig, stated = found.identity, found.about.get("filter")
+        rates = found.stops["sample_rate_hz"].to_numpy() if len(found.stops) else np.zeros(0)
+        rates = rates[np.isfinite(rates)]
+        average = stated.get("average", 1) if isinstance(stated, dict) else 1
+        derived.append(
+            {
+                "data": "simulated" if rig.synthetic else "real",
+                "stiffness": rig.stiffness_n_m or None,
+                "area a": 1e4 * rig.area_a_m2,
+                "area b": 1e4 * rig.area_b_m2,
+                "ambient pressure": rig.ambient_pressure_pa / PA_PER_BAR,
+                "filter": "none" if average == 1 else f"moving average of {average}",
+                "temperature": sum(found.ranges.temperature_k) / 2.0 - ZERO_CELSIUS_K,
+                "samples at restarts": np.median(rates) if rates.size else np.nan,
+            }
+        )
     for what, row in package_table(__file__, "checks.toml").items():
-        a, b = (attrgetter(row["of"])(found) if "of" in row else _shared(found)[what] for found in both)
+        values = [attrgetter(row["of"])(found) for found in both] if "of" in row else [of[what] for of in derived]
+        a, b = values
         same = a == b
         if isinstance(a, float) and isinstance(b, float):
             if not np.isfinite([a, b]).all():
@@ -75,24 +94,6 @@ def _checks(both: Both) -> Iterator[Check]:
             same = isclose(a, b, rel_tol=row.get("share", 0.0), abs_tol=row.get("by", 0.0))
         shown, other_shown = ("not stated" if v is None else row.get("written", "{}").format(v) for v in (a, b))
         yield Check(what, shown, other_shown, same, row["consequence"])
-
-
-def _shared(found: CampaignCharacteristics) -> dict[str, str | float | None]:
-    """Return the values to compare; NaN for a value that was not measured."""
-    rig, stated = found.identity, found.about.get("filter")
-    rates = found.stops["sample_rate_hz"].to_numpy() if len(found.stops) else np.zeros(0)
-    rates = rates[np.isfinite(rates)]
-    average = stated.get("average", 1) if isinstance(stated, dict) else 1
-    return {
-        "data": "simulated" if rig.synthetic else "real",
-        "stiffness": rig.stiffness_n_m or None,
-        "area a": 1e4 * rig.area_a_m2,
-        "area b": 1e4 * rig.area_b_m2,
-        "ambient pressure": rig.ambient_pressure_pa / PA_PER_BAR,
-        "filter": "none" if average == 1 else f"moving average of {average}",
-        "temperature": sum(found.ranges.temperature_k) / 2.0 - ZERO_CELSIUS_K,
-        "samples at restarts": np.median(rates) if rates.size else np.nan,
-    }
 
 
 SAME_SPEED = 0.03

@@ -21,7 +21,7 @@ from pneudrive.friction.bins import known_mean
 from pneudrive.friction.budget import SharedTerms, unseen_n
 from pneudrive.friction.campaign import result, smooth
 from pneudrive.friction.campaign.cycles import GROWING, OF_SIDES, WAYS, CycleTable, Gain
-from pneudrive.friction.campaign.points import NAMES, OUTLIER, STICK_SLIP, CurvePoints
+from pneudrive.friction.campaign.points import NAMES, OUTLIER, SAME_SPEED, STICK_SLIP, CurvePoints, shares_of
 from pneudrive.friction.friction_map import (
     AMBIENT,
     BOTH,
@@ -44,9 +44,10 @@ if TYPE_CHECKING:
     from pneudrive.signals.force_calibration import ForceCalibration
 
 
-POSITIVE_SHARE = 0.2  # of the median friction: least friction for relative scatter
 FEWEST = 4  # cycles
 OF_SLIPS = ("period_s", "step_m")
+BETWEEN = 24  # speeds of a curve between the measured ones
+EXCLUDED = {"speed_m_s": float, "friction_n": float, "reason": str}  # columns of excluded points, and their types
 #: Lower limit of the standard error at a speed, as a fraction of the standard error from its cycles alone. It applies
 #: even if neighbouring speeds and other pressures seem to determine the curve better (assumed).
 OWN_SHARE = 0.8
@@ -80,26 +81,22 @@ class Fits:
         """Bands of all curves, in the order of the conditions."""
         points, found = self.points, []
         for number, index in enumerate(sorted(set(points["curve"][points.use].tolist()))):
-            speed, cycles = points.speeds_of(index)
+            # Speeds of the curve: the measured ones, and between them others without cycles.
+            members = points.use & (points["curve"] == index)
+            levels = [members & (points["level"] == k) for k in np.unique(points["level"][members])]
+            measured = np.array([points["speed_m_s"][level].mean() for level in levels])
+            between = np.geomspace(measured[0], measured[-1], BETWEEN + 2)[1:-1]
+            between = between[np.abs(between[:, None] / measured - 1.0).min(axis=1) > SAME_SPEED / 2.0]
+            counts = [points.count[level].sum() for level in levels]
+            speed = np.concatenate([measured, between])
+            order = np.argsort(speed)
+            speed, cycles = speed[order], np.array([*counts, *[0] * between.size], dtype=np.int64)[order]
             value, low, high = by_chance(self, self.friction, number, speed, cycles)
-            offset = self.offset.at(number, speed)
+            offset = self.offset.at(number, speed).predict()
             shared = systematic(self, value, offset.mean, index)
             of_speed = (points.conditions[index], speed, cycles)
             found.append(CurveBand(number, index, *of_speed, value, low, high, offset, shared))
         return tuple(found)
-
-    @property
-    def blocks(self) -> Array | None:
-        """Fraction of each block (or day) in the cycles of each point.
-
-        None if the design does not determine their deviations.
-        """
-        return self.friction.data.blocks
-
-    @property
-    def has_drift(self) -> bool:
-        """Whether the design separates a drift from the curves."""
-        return self.friction.data.drift
 
     @property
     def level_n(self) -> float:
@@ -109,7 +106,7 @@ class Fits:
     @property
     def scale_n(self) -> float:
         """Change in friction, in N, for one unit of the model's response, at mean friction."""
-        return self.level_n if self.friction.logarithmic else 1.0
+        return self.level_n if self.friction.data.logarithmic else 1.0
 
     @property
     def has_zero(self) -> bool:
@@ -125,8 +122,9 @@ def fitted(points: CurvePoints | None, tares: CycleTable) -> tuple[CurvePoints |
     """
     if points is None:
         return None, None
-    fits = _fit_points(points.condensed() if points.is_large else points, tares)
-    if fits is None or points.is_large:
+    condensed = points.condensed()
+    fits = _fit_points(condensed, tares)
+    if fits is None or condensed is not points:
         return points, fits
     rows = np.flatnonzero(points.use)
     found, readings = smooth.wild_cycles(fits.friction.data)
@@ -148,10 +146,16 @@ def _fit_points(points: CurvePoints, tares: CycleTable) -> Fits | None:
     if use.sum() < FEWEST:
         return None
     curve = np.unique(points["curve"][use], return_inverse=True)[1].ravel()
-    blocks, kind = points.block_shares()
+    # Effects of blocks or days are separated from the levels if a level was run in several.
+    blocks, kind = None, ""
+    for name in ("block", "day"):
+        shares = shares_of(points.labels(name, np.flatnonzero(use)))
+        if any((shares[members[use]] > 0.0).any(axis=0).sum() > 1 for members in points.assemblies.values()):
+            blocks, kind = shares, name
+            break
     alike = (points["speed_m_s"][use], curve, points["order"][use], points.count[use])
     friction = smooth.CurveData(points["friction_n"][use], points["friction_stderr_n"][use] ** 2, *alike, blocks=blocks)
-    better = _better(replace(friction, drift=smooth.determines_drift(friction)))
+    better = smooth.fit_friction(replace(friction, drift=smooth.determines_drift(friction)))
     # Zero runs are observations of the zero alone, without a curve.
     zero, ones = (tares["standing_n"], tares["standing_stderr_n"] ** 2), np.ones(len(tares))
     of_tares = (*zero, np.nan * ones, np.full(len(tares), -1), tares["order"], ones)
@@ -179,20 +183,6 @@ def fit_response(fits: Fits, y: Array, stderr: Array, *, drift: bool) -> smooth.
     return smooth.fit_curves(data if drift else replace(data, drift=False, blocks=None))
 
 
-def _better(data: smooth.CurveData) -> smooth.CurveFit:
-    """Fit friction and its logarithm. Return the more likely fit, averaged over both forms of scatter."""
-    plain = smooth.fit_curves(data)
-    if data.y.min() <= POSITIVE_SHARE * np.median(data.y):
-        return plain
-    relative = smooth.fit_curves(data.logarithms())
-    # Densities of y and of ln y differ by a factor y for each degree of freedom of the restricted likelihood.
-    freedom = len(data) - plain.fit.model.x.shape[1]
-    likelier = relative.fit.log_likelihood() - freedom * np.mean(np.log(data.y))
-    better = relative if likelier > plain.fit.log_likelihood() else plain
-    del plain, relative  # free the other one before a third: each takes much memory
-    return smooth.either_chance(better)
-
-
 def systematic(fits: Fits, friction_n: Array, half_sum_n: Array, condition: int) -> SharedTerms:
     """Return the uncertainties that all points of a condition share, at this friction and half sum of both directions.
 
@@ -200,8 +190,9 @@ def systematic(fits: Fits, friction_n: Array, half_sum_n: Array, condition: int)
     """
     points, pattern = fits.points, fits.points.pattern
     # The common range stands for the whole stroke: relative uncertainty of friction, and that of half the sum, N.
-    of_bins = (values[pattern.common] for values in (pattern.friction, pattern.offset_n))
-    unseen, unseen_offset_n = (unseen_n(values, pattern.common.mean()) for values in of_bins)
+    common = pattern["common"]
+    of_bins = (pattern[name][common] for name in ("friction", "offset_n"))
+    unseen, unseen_offset_n = (unseen_n(values, common.mean()) for values in of_bins)
     here = points.at(points.use & (points["curve"] == condition))
     gain = here["u_gain_n"].mean() / max(abs(here["friction_n"].mean()), 1e-12)
     spread, size = fits.friction.drift.mean.std(), np.abs(friction_n)
@@ -210,7 +201,7 @@ def systematic(fits: Fits, friction_n: Array, half_sum_n: Array, condition: int)
         gain_n=gain * size,
         hysteresis_n=np.mean(here["u_hysteresis_n"]) * ones,
         position_n=unseen * size,
-        state_n=spread * (size if fits.friction.logarithmic else ones),
+        state_n=spread * (size if fits.friction.data.logarithmic else ones),
         zero_n=np.hypot(np.mean(here["u_offset_n"]), unseen_offset_n) * ones,
         half_sum_n=0.0 * ones if fits.has_zero else np.abs(half_sum_n),
     )
@@ -226,7 +217,7 @@ class CurveBand:
         Index of the curve in the models, and index of its condition in the points.
     condition : Condition
     speed_m_s, cycles : ndarray
-        See `CurvePoints.speeds_of`.
+        Speeds, and the number of cycles at each; 0 between the measured speeds.
     value_n, low_n, high_n : ndarray
         Curve and its statistical 95 % interval.
     offset : Predicted
@@ -248,11 +239,15 @@ class CurveBand:
 
 def curves_of(fits: Fits, *, contains_air: bool) -> tuple[result.Curve, ...]:
     """Return the curves of all conditions: half the difference of both directions, then +x and -x."""
-    curves: list[result.Curve] = []
+    import polars as pl
+
+    points, curves = fits.points, list[result.Curve]()
     for band in fits.bands:
+        out = points.at((points["curve"] == band.index) & ~points.use)
+        excluded = pl.DataFrame({name: out[name].tolist() for name in EXCLUDED}, schema=EXCLUDED)
         same = {name: getattr(band, name) for name in ("condition", "speed_m_s", "cycles")}
-        same |= {"contains_air": contains_air, "complete": fits.has_drift}
-        same["excluded"] = fits.points.excluded_from(band.index)
+        same |= {"contains_air": contains_air, "complete": fits.friction.data.drift}
+        same["excluded"] = excluded.sort("speed_m_s", maintain_order=True)
         value, shared = band.value_n, band.shared
         for direction in (BOTH, 1, -1):
             centre, below, above, u = value, value - band.low_n, band.high_n - value, shared.friction_n()
@@ -267,32 +262,6 @@ def curves_of(fits: Fits, *, contains_air: bool) -> tuple[result.Curve, ...]:
                 result.Curve(direction=direction, stderr_n=(below + above) / (2.0 * NORMAL_95), **same, **values)
             )
     return tuple(curves)
-
-
-def cycle_terms(points: CurvePoints, fits: Fits | None) -> tuple[Array, Array, Array]:
-    """Return the uncertainty budget of each cycle as arrays (n,); NaN for cycles without a curve.
-
-    Returns
-    -------
-    stderr_n : ndarray
-        Noise within the cycle, and scatter from cycle to cycle.
-    u_systematic_n : ndarray
-        Systematic uncertainty, with the deviation of the cycle from the mean state of the campaign.
-    one_sided_n2 : ndarray
-        Further variance of a single direction: half the sum of both directions, and the zero of the sensor.
-    """
-    noise, one_sided = points["friction_stderr_n"], np.full(len(points), np.nan)
-    if fits is None:
-        return noise, one_sided, one_sided
-    systematic_n = one_sided.copy()
-    cycle, block = (deviation_n(fits, name, points["friction_n"]) for name in ("cycle", "block"))
-    for number in set(points["curve"][points.use].tolist()):  # others have no curve for their cycles
-        here = points["curve"] == number
-        shared = systematic(fits, points["friction_n"][here], points["offset_n"][here], number)
-        offset = np.hypot(points["offset_stderr_n"][here], fits.offset.fit.most_probable_sd("cycle"))
-        systematic_n[here] = np.hypot(shared.friction_n(), np.hypot(shared.state_n, block[here]))
-        one_sided[here] = offset**2 + shared.zero_n**2 + shared.half_sum_n**2
-    return np.hypot(noise, cycle), systematic_n, one_sided
 
 
 def friction_map(
@@ -335,25 +304,37 @@ def friction_map(
 def _paired(points: CurvePoints, fits: Fits | None, width_m: float) -> dict[str, np.ndarray]:
     """Return the map columns, (n, 1) or (n, 2), of cycles with both directions, for bins of width `width_m`."""
     friction, offset = points["friction_n"][:, None], points["offset_n"][:, None]
-    # Offset from the drifting zero of the force sensor; 0 without zero runs.
-    own = np.full(len(points), np.nan) if fits is None else np.zeros(len(points))
-    if fits is not None and fits.has_zero:
-        of_offset = fits.offset.fit
-        zero = float(np.average([state.beta[0] for state in of_offset.states], weights=of_offset.weights))
-        order = fits.offset.data.order
-        at = np.argsort(order, kind="stable")
-        own = points["offset_n"] - zero - np.interp(points["order"], order[at], fits.offset.drift.mean[at])
+    unknown = np.full(len(points), np.nan)
+    # Budget of each cycle: noise and scatter; systematic uncertainty, with the deviation from the mean state of the
+    # campaign; further variance of a single direction (half the sum of both, zero). NaN without a curve.
+    stderr, u, one_sided = points["friction_stderr_n"], unknown.copy(), unknown.copy()
+    own = unknown  # offset from the drifting zero of the force sensor; 0 without zero runs
+    if fits is not None:
+        cycle, block = (deviation_n(fits, name, points["friction_n"]) for name in ("cycle", "block"))
+        for number in set(points["curve"][points.use].tolist()):  # others have no curve for their cycles
+            here = points["curve"] == number
+            shared = systematic(fits, points["friction_n"][here], points["offset_n"][here], number)
+            scatter = np.hypot(points["offset_stderr_n"][here], fits.offset.fit.most_probable_sd("cycle"))
+            u[here] = np.hypot(shared.friction_n(), np.hypot(shared.state_n, block[here]))
+            one_sided[here] = scatter**2 + shared.zero_n**2 + shared.half_sum_n**2
+        stderr, own = np.hypot(stderr, cycle), np.zeros(len(points))
+        if fits.has_zero:
+            of_offset = fits.offset.fit
+            zero = float(np.average([state.beta[0] for state in of_offset.states], weights=of_offset.weights))
+            order = fits.offset.data.order
+            at = np.argsort(order, kind="stable")
+            own = points["offset_n"] - zero - np.interp(points["order"], order[at], fits.offset.drift.mean[at])
     own = friction + WAYS * own[:, None]
-    stderr, systematic, one_sided = (values[:, None] for values in cycle_terms(points, fits))
-    half = NORMAL_95 * np.hypot(stderr, systematic)
-    half_direction = NORMAL_95 * np.sqrt(stderr**2 + systematic**2 + one_sided)
-    common = points.pattern.position_m[points.pattern.common]
+    stderr, u, one_sided = (values[:, None] for values in (stderr, u, one_sided))
+    half = NORMAL_95 * np.hypot(stderr, u)
+    half_direction = NORMAL_95 * np.sqrt(stderr**2 + u**2 + one_sided)
+    common = points.pattern["position_m"][points.pattern["common"]]
     return {
         "balance_n": WAYS * friction + offset,
         "friction_n": friction,
         "offset_n": offset,
         "stderr_n": stderr,
-        "u_systematic_n": systematic,
+        "u_systematic_n": u,
         "friction_low_n": friction - half,
         "friction_high_n": friction + half,
         "friction_direction_n": own,
@@ -365,13 +346,6 @@ def _paired(points: CurvePoints, fits: Fits | None, width_m: float) -> dict[str,
     }
 
 
-def in_newton(fit: smooth.CurveFit, found: Predicted) -> tuple[Array, Array, Array]:
-    """Return the predicted value and the bounds of its statistical 95 % interval, in N."""
-    half = found.half_width()
-    value, low, high = found.mean, found.mean - half, found.mean + half
-    return (np.exp(value), np.exp(low), np.exp(high)) if fit.logarithmic else (value, low, high)
-
-
 def by_chance(
     fits: Fits, fit: smooth.CurveFit, number: int, speed_m_s: Array, cycles: Ints
 ) -> tuple[Array, Array, Array]:
@@ -380,7 +354,11 @@ def by_chance(
     Neighbouring speeds and other pressures contribute, so the interval may be narrower than from the cycles at this
     point alone. `OWN_SHARE` limits this. Between the measured speeds, the number of cycles is interpolated.
     """
-    value, low, high = in_newton(fit, fit.at(number, speed_m_s))
+    curve = fit.at(number, speed_m_s).predict()
+    half = curve.half_width()
+    value, low, high = curve.mean, curve.mean - half, curve.mean + half
+    if fit.data.logarithmic:
+        value, low, high = np.exp(value), np.exp(low), np.exp(high)
     known, u = cycles > 0, np.log(speed_m_s)
     among = np.interp(u, u[known], cycles[known])
     least = OWN_SHARE * NORMAL_95 * deviation_n(fits, "cycle", value) / np.sqrt(among)
@@ -391,7 +369,7 @@ def deviation_n(fits: Fits, source: str, friction_n: Array) -> Array:
     """Return the standard deviation, in N, that a random source adds to a single cycle at this friction."""
     fit = fits.friction
     sd = fit.fit.most_probable_sd(source) * fits.scale_n
-    relative = fit.relative if source == "cycle" else float(fit.logarithmic)
+    relative = fit.relative if source == "cycle" else float(fit.data.logarithmic)
     return sd * np.sqrt(relative * (friction_n / fits.level_n) ** 2 + 1.0 - relative)
 
 
@@ -413,7 +391,9 @@ def air_shares(fits: Fits, curves: Sequence[result.Curve], *, separated: bool) -
         bound = np.maximum(total_n[2] - np.minimum.accumulate(total_n[1]), 0.0) if air is None else unknown
         if air is not None:
             u = float(np.mean(points["u_air_n"][points.use & (points["curve"] == band.index)]))
-            part = _with_u(*in_newton(air, air.at(band.number, band.speed_m_s)), u)
+            of_air = air.at(band.number, band.speed_m_s).predict()
+            half = of_air.half_width()
+            part = _with_u(of_air.mean, of_air.mean - half, of_air.mean + half, u)
             seal = (curve.friction_n, curve.low_n, curve.high_n)
         found.append(result.AirShare(band.condition, separated, band.speed_m_s, *total_n, *part, *seal, bound))
     return tuple(found)
@@ -522,7 +502,7 @@ def asymmetries(fits: Fits) -> tuple[result.Asymmetry, ...]:
     found = []
     for band in fits.bands:
         measured, basis = band.cycles > 0, "tare"
-        (mean,) = fits.offset.over(band.number, band.speed_m_s[measured]).mean().estimates()
+        (mean,) = fits.offset.at(band.number, band.speed_m_s[measured]).mean().estimates()
         mean = mean.widened(float(np.mean(band.shared.zero_n[measured])))
         if not fits.has_zero:  # the mean includes the zero, and no statement on symmetry is possible
             mean, basis = replace(mean, p=np.nan), "not separable"

@@ -4,8 +4,6 @@ A cycle is a recording with a plan: one speed, set pressures. A speed level of a
 a plan. Position bins have equal weight, so unevenly spaced samples, such as bursts around a reversal, do not distort
 the means. ``strokes.py`` selects the strokes and computes their means, scatter and breakaway.
 
-A loop is friction over position around a reversal.
-
 Cycles at rest give the gain of the force sensor (known weights) and the zeros of the pressures (zero runs). In an open
 zero run, both chambers should show ambient pressure.
 """
@@ -13,20 +11,18 @@ zero run, both chambers should show ambient pressure.
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from itertools import pairwise
 from typing import TYPE_CHECKING, Self
 
 import numpy as np
 
-from pneudrive.arrays import Array, Bools, Row, by_name, evenly
+from pneudrive.arrays import Array, Bools, Row, by_name
 from pneudrive.errors import RecordingError
 from pneudrive.estimate.estimates import rms
 from pneudrive.friction.bins import Grid, bin_means, grid_of, known_mean, mean_profile
 from pneudrive.friction.budget import stated_shares, usual_range
-from pneudrive.friction.friction_map import CYCLE_COLUMNS, TABLES, Condition
+from pneudrive.friction.friction_map import CYCLE_COLUMNS, TABLES
 from pneudrive.friction.stick_slip import swing_of
-from pneudrive.friction.strokes import RecordedMotion, Side, Strokes, balance_of
-from pneudrive.repr_tables import Shown
+from pneudrive.friction.strokes import RecordedMotion, Side, Strokes
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -38,7 +34,7 @@ if TYPE_CHECKING:
 
 SAME_SPEED = 0.1  # largest difference of the speeds of strokes in one cycle
 WAYS = np.array([1, -1])  # directions, in the order of the columns of both
-#: Columns of both directions, shape (n, 2): those of `Side`, then those of `_side_row`.
+#: Columns of both directions, shape (n, 2): those of `Side`, then those of `cycle_row`.
 OF_SIDES: list[str] = TABLES["lists"]["sides"]
 #: Columns over position bins, shape (n, 2, bins): force balance (see `Recording.balance_n`), and the part from the
 #: chamber pressures, p_a A_a - p_b A_b - p_ambient (A_a - A_b). NaN without settled samples.
@@ -138,78 +134,30 @@ def cycle_row(
         Direction -> balance (strokes, bins) of its strokes.
     """
     recording, only = motion.recording, next(iter(sides.values()))
+    ambient = recording.ambient_pressure_pa
+    air_n = (recording.pressure_a_pa - ambient) * recording.area_a_m2
+    air_n -= (recording.pressure_b_pa - ambient) * recording.area_b_m2
+    sampled = (motion.balance_n, motion.balance_n**2, air_n)
+    of_sides = {}
+    for way, side in sides.items():
+        bins = grid.edges_m, [stroke.samples for stroke in side.used], motion.settled
+        balance, squares, air = (bin_means(motion.position_m, values, *bins) for values in sampled)
+        profile = mean_profile(rows[way])
+        covered = np.isfinite(profile)
+        variances = (squares - balance**2)[covered]
+        known = vars(side.spread) | vars(side)
+        of_sides[way] = {
+            **{name: known[name] for name in OF_SIDES if name in known},
+            "balance_n": profile,
+            "air_n": np.where(covered, air, np.nan),
+            "scatter_n": np.sqrt(max(variances.mean(), 0.0)),
+            "swing_n": swing_of(motion.position_m, motion.balance_n, side.used),
+        }
     return {
-        "sides": {way: _side_row(motion, side, grid, rows[way]) for way, side in sides.items()},
+        "sides": of_sides,
         "duration_s": recording.time_s[-1] - recording.time_s[0],
         **stated_shares(recording, *(sides.get(way, only) for way in WAYS), late_s=motion.late_s),
     }
-
-
-def _side_row(motion: RecordedMotion, side: Side, grid: Grid, rows: Array) -> Row:
-    """Return the columns of one direction: its strokes, position bins, scatter within bins, range in mid stroke."""
-    recording, parts = motion.recording, [s.samples for s in side.used]
-
-    def binned(values: Array) -> Array:
-        return bin_means(motion.position_m, values, grid.edges_m, parts, motion.settled)
-
-    ambient = recording.ambient_pressure_pa
-    air = (recording.pressure_a_pa - ambient) * recording.area_a_m2
-    air -= (recording.pressure_b_pa - ambient) * recording.area_b_m2
-    means = mean_profile(rows)
-    covered = np.isfinite(means)
-    squares = (binned(motion.balance_n**2) - binned(motion.balance_n) ** 2)[covered]
-    known = vars(side.spread) | vars(side)
-    return {
-        **{name: known[name] for name in OF_SIDES if name in known},
-        "balance_n": means,
-        "air_n": np.where(covered, binned(air), np.nan),
-        "scatter_n": np.sqrt(max(squares.mean(), 0.0)),
-        "swing_n": swing_of(motion.position_m, motion.balance_n, side.used),
-    }
-
-
-SHOWN_SAMPLES = 400
-BEFORE, AFTER = 0.05, 0.1  # of the stroke, shown before and after the reversal
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class Loop(Shown):
-    """Friction around one reversal, from thinned raw samples.
-
-    Attributes
-    ----------
-    key : str
-        Key of the cycle.
-    condition : Condition
-    speed_m_s : float
-    position_m, friction_n : ndarray, shape (m,)
-        `friction_n` is positive if it opposes motion in +x, and does not contain the offset.
-    """
-
-    key: str
-    condition: Condition
-    speed_m_s: float
-    position_m: Array
-    friction_n: Array
-
-
-def reversal_loop(motion: RecordedMotion, key: str, condition: Condition) -> Loop | None:
-    """Return the force balance around the first reversal of a cycle; None if it has no reversal.
-
-    `Loop.friction_n` still contains the offset (half the sum of both directions).
-    """
-    recording = motion.recording
-    turns = [(a, b) for a, b in pairwise(motion.strokes) if a.direction != b.direction]
-    if not turns:
-        return None
-    before, after = turns[0]
-    friction, index = balance_of(recording), np.arange(before.start, after.stop)
-    reach = np.where(index < after.start, BEFORE, AFTER) * abs(after.to_m - after.from_m)
-    index = index[np.abs(recording.position_m[index] - after.from_m) <= reach]
-    if index.size < 10:
-        return None
-    shown = index[evenly(index.size, SHOWN_SAMPLES)]
-    return Loop(key, condition, abs(after.speed_m_s), recording.position_m[shown], friction[shown])
 
 
 # --- Sensors, from cycles at rest.

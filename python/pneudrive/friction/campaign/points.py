@@ -24,10 +24,9 @@ from pneudrive.friction.stick_slip import RIPPLE_LIMIT
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
-    import polars as pl
     from numpy.typing import NDArray
 
-    from pneudrive.arrays import Array, Bools, Columns, Ints
+    from pneudrive.arrays import Array, Bools, Columns, Ints, Row
     from pneudrive.friction.campaign.reading import CampaignData
 
 
@@ -135,26 +134,7 @@ SMALL_FRICTION = 0.2  # of the median: least friction for a relative pattern
 FREEDOM_PER_CYCLE = 10.0  # degrees of freedom of the noise of one cycle: independent stretches of about 60 bins
 
 
-@dataclass(frozen=True, eq=False)
-class Pattern:
-    """Friction over position, common to all cycles.
-
-    Attributes
-    ----------
-    position_m : ndarray, shape (bins,)
-    common : ndarray of bool, shape (bins,)
-    friction : ndarray, shape (bins,)
-        Friction divided by its mean in the common range, minus 1; NaN in bins without data.
-    offset_n : ndarray, shape (bins,)
-    """
-
-    position_m: Array
-    common: Bools
-    friction: Array
-    offset_n: Array
-
-
-def reduce(cycles: CycleTable, edges_m: Array, steady: Bools) -> tuple[Pattern, Columns]:
+def reduce(cycles: CycleTable, edges_m: Array, steady: Bools) -> tuple[Row, Columns]:
     """Convert the means of cycles with both directions to the common range of position.
 
     Parameters
@@ -167,9 +147,10 @@ def reduce(cycles: CycleTable, edges_m: Array, steady: Bools) -> tuple[Pattern, 
 
     Returns
     -------
-    Pattern
+    dict of ndarray, shape (bins,)
+        `CurvePoints.pattern`.
     dict of ndarray, shape (n,)
-        Further columns of `CurvePoints`, without ``curve``, ``level`` and ``reason``.
+        Further columns of `CurvePoints`, from ``speed_m_s`` to ``relative_n``.
     """
     (up, down), (air_up, air_down) = (np.moveaxis(cycles[name], 1, 0) for name in ("balance_n", "air_n"))
     friction = (up - down) / 2.0
@@ -193,11 +174,25 @@ def reduce(cycles: CycleTable, edges_m: Array, steady: Bools) -> tuple[Pattern, 
     for name, rest in rests.items():
         # The scatter of strokes is that of the balance: the air's force alone has only its noise.
         own = np.full(len(cycles), np.nan) if name == "air" else scatter
-        columns[f"{name}_stderr_n"] = _by_chance(own, spare * rest, common, speed)
+        used, scaled = _used(rest, common), spare * rest
+        count, noise = used.sum(axis=1), np.zeros(len(cycles))
+        for number in np.unique(count[count > 0]).tolist():
+            members = count == number
+            noise[members] = stderrs_of_means(scaled[members][used[members]].reshape(-1, number))
+        stderr = chance_n(own, noise)
+        known = stderr > 0.0
+        if known.sum() >= ENOUGH_CYCLES:  # shrunk towards its trend over speed
+            freedom = np.full(known.sum(), FREEDOM_PER_CYCLE)
+            stderr[known] = np.sqrt(moderate(stderr[known] ** 2, freedom, speed[known]))
+        columns[f"{name}_stderr_n"] = stderr
     with np.errstate(invalid="ignore", divide="ignore"):
         columns["relative_n"] = friction / columns["friction_n"][:, None]
-    over_position = np.where(covered.any(axis=0), patterns["friction"], np.nan)
-    return Pattern((edges_m[:-1] + edges_m[1:]) / 2.0, common, over_position, patterns["offset"]), columns
+    return {
+        "position_m": (edges_m[:-1] + edges_m[1:]) / 2.0,
+        "common": common,
+        "friction": np.where(covered.any(axis=0), patterns["friction"], np.nan),
+        "offset_n": patterns["offset"],
+    }, columns
 
 
 def _pattern(values: Array, common: Bools, *, relative: bool = False) -> Array:
@@ -230,25 +225,9 @@ def _used(values: Array, common: Bools) -> Bools:
     return np.where(shared.any(axis=1, keepdims=True), shared, known)
 
 
-def _by_chance(scatter: Array, rest: Array, common: Bools, speed: Array) -> Array:
-    """Return the type A uncertainty (`chance_n`) of each row's mean, shrunk towards its trend over speed."""
-    used = _used(rest, common)
-    count, own = used.sum(axis=1), np.zeros(rest.shape[0])
-    for number in np.unique(count[count > 0]).tolist():
-        members = count == number
-        own[members] = stderrs_of_means(rest[members][used[members]].reshape(-1, number))
-    own = chance_n(scatter, own)
-    known = own > 0.0
-    if known.sum() >= ENOUGH_CYCLES:
-        own[known] = np.sqrt(moderate(own[known] ** 2, np.full(known.sum(), FREEDOM_PER_CYCLE), speed[known]))
-    return own
-
-
 SATURATED_SHARE = 0.005  # of a cycle's samples: with more at the sensor's limit, the mean is not that of friction
 SAME_SPEED = 0.05  # measured speeds closer than this are one point of the curve
-BETWEEN = 24  # speeds of a curve between the measured ones
 MOST_CYCLES = 600  # cycles that are fitted one by one: memory grows with their square, time with their cube
-EXCLUDED = {"speed_m_s": float, "friction_n": float, "reason": str}  # columns of excluded points, and their types
 MOST_CELLS = 1200  # condition, speed level and block: beyond it, neighbouring blocks are joined
 
 
@@ -265,11 +244,14 @@ class CurvePoints(CycleTable):
       scatter of the strokes, at least the noise within strokes.
     - ``relative_n``: friction in each bin divided by its mean over the bins. NaN without settled samples.
     - ``curve``, ``level``: numbers of the condition and of the speed level. Levels ascend.
+    - ``cell``: number of the combination of both.
     - ``reason``: reason for exclusion from F(v). Empty for a point of F(v).
 
     Attributes
     ----------
-    pattern : Pattern
+    pattern : dict of ndarray, shape (bins,)
+        Friction over position, common to all cycles: ``position_m``; ``common``, the mask of the common range;
+        ``friction`` divided by its mean in the common range, minus 1 (NaN in bins without data); ``offset_n``.
     conditions : tuple of Condition
         Conditions of the cycles, each once.
     level_speeds_m_s : ndarray, shape (levels,)
@@ -279,7 +261,7 @@ class CurvePoints(CycleTable):
         Rows of `whole` that form each point: several if a large campaign was condensed.
     """
 
-    pattern: Pattern
+    pattern: Row
     conditions: tuple[Condition, ...]
     level_speeds_m_s: Array
     whole: CycleTable
@@ -296,32 +278,24 @@ class CurvePoints(CycleTable):
         return self["reason"] == ""
 
     @property
-    def is_large(self) -> bool:
-        """Whether there are too many points to fit each of them."""
-        return bool(self.use.sum() > MOST_CYCLES)
-
-    @property
     def assemblies(self) -> dict[str, Bools]:
         """Mounting, seal and drive -> mask of their points of F(v)."""
         titles = np.array([c.title for c in self.conditions])
         return {title: self.use & (titles == title)[self["curve"]] for title in dict.fromkeys(titles.tolist())}
-
-    @property
-    def cell(self) -> Ints:
-        """Index (n,) of the combination of condition and speed level of each cycle."""
-        return cells(self["curve"], self["level"])
 
     def labels(self, name: str, rows: NDArray[np.intp]) -> list[list]:
         """Return the values of a column for all cycles of each of these points."""
         return [self.whole[name][self.members[i]].tolist() for i in rows]
 
     def condensed(self) -> CurvePoints:
-        """Group successive repeats of one condition, speed class and block.
+        """Group successive repeats of one condition, speed class and block, if there are too many points to fit each.
 
         If there are very many groups, neighbouring blocks of the same levels are merged.
         """
         used = np.flatnonzero(self.use)
-        groups = [used[group] for group in grouped(self.cell[used], _stretches(self)[used], MOST_CYCLES, MOST_CELLS)]
+        if used.size <= MOST_CYCLES:
+            return self
+        groups = [used[group] for group in grouped(self["cell"][used], _stretches(self)[used], MOST_CYCLES, MOST_CELLS)]
         means = {}
         for name in ("speed_m_s", "friction_n", "offset_n", "air_n"):
             means[name] = np.array([self[name][group].mean() for group in groups])
@@ -329,51 +303,6 @@ class CurvePoints(CycleTable):
             means[name] = np.array([np.sqrt(np.sum(self[name][group] ** 2)) / group.size for group in groups])
         middle = np.array([group[group.size // 2] for group in groups])
         return replace(self.at(middle).having(**means), members=tuple(groups))
-
-    def block_shares(self) -> tuple[Array | None, str]:
-        """Find blocks or days whose effects can be separated from the levels, because a level was run in several.
-
-        Returns
-        -------
-        ndarray or None, shape (used, blocks)
-            Fraction of the cycles of a point in each block.
-        str
-            block, day, or "" without groups.
-        """
-        use = self.use
-        for kind in ("block", "day"):
-            shares = shares_of(self.labels(kind, np.flatnonzero(use)))
-            if any((shares[members[use]] > 0.0).any(axis=0).sum() > 1 for members in self.assemblies.values()):
-                return shares, kind
-        return None, ""
-
-    def speeds_of(self, index: int) -> tuple[Array, Ints]:
-        """Return the speeds for the curve of one condition: measured speeds and intermediate values.
-
-        Returns
-        -------
-        speed_m_s : ndarray, shape (m,)
-        cycles : ndarray of int, shape (m,)
-            0 between the measured speeds.
-        """
-        members = self.use & (self["curve"] == index)
-        levels = [members & (self["level"] == k) for k in np.unique(self["level"][members])]
-        speeds = np.array([self["speed_m_s"][level].mean() for level in levels])
-        counts = np.array([self.count[level].sum() for level in levels], dtype=np.int64)
-        between = np.geomspace(speeds[0], speeds[-1], BETWEEN + 2)[1:-1]
-        apart = np.abs(between[:, None] / speeds - 1.0).min(axis=1) > SAME_SPEED / 2.0
-        every = np.concatenate([speeds, between[apart]])
-        cycles = np.concatenate([counts, np.zeros(every.size - speeds.size, dtype=np.int64)])
-        order = np.argsort(every)
-        return every[order], cycles[order]
-
-    def excluded_from(self, index: int) -> pl.DataFrame:
-        """Return `Curve.excluded`: the cycles of one condition that are excluded from its curve, slowest first."""
-        import polars as pl
-
-        out = self.at((self["curve"] == index) & ~self.use)
-        columns = {name: out[name].tolist() for name in EXCLUDED}
-        return pl.DataFrame(columns, schema=EXCLUDED).sort("speed_m_s", maintain_order=True)
 
 
 def points_of(reading: CampaignData) -> CurvePoints | None:
@@ -398,7 +327,7 @@ def points_of(reading: CampaignData) -> CurvePoints | None:
     common = np.array([first.get(c, "") for c in cell.tolist()], dtype=object)
     reason = np.where(shaky != "", shaky, np.where(share[cell] > 0.5, common, spoiled)).astype(object)
     unlikely = implausible_friction(curve, speed, columns["friction_n"], columns["friction_stderr_n"])
-    columns |= {"curve": curve, "level": level, "reason": np.where(reason == "", unlikely, reason)}
+    columns |= {"curve": curve, "level": level, "cell": cell, "reason": np.where(reason == "", unlikely, reason)}
     alone = tuple(np.arange(len(cycles))[:, None])
     return CurvePoints(cycles.columns | columns, pattern, conditions, speeds, cycles, alone)
 

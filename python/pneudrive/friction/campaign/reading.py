@@ -13,6 +13,7 @@ from __future__ import annotations
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from datetime import datetime
+from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
@@ -27,6 +28,7 @@ from pneudrive.friction.bins import grid_of
 from pneudrive.friction.campaign import cycles
 from pneudrive.friction.friction_map import LEVELS, SAME_PA, Condition, Skipped
 from pneudrive.friction.strokes import RecordedMotion, SampleChoice, stroke_rows
+from pneudrive.repr_tables import Shown
 from pneudrive.rig.interface import SHARED, Hold, Identity, Move, Samples
 from pneudrive.signals.recording import Recording
 
@@ -199,8 +201,13 @@ def read_campaign(campaign: Campaign, choice: SampleChoice, processes: int | Non
         raise CampaignError.of("friction.no_cycle", where=str(campaign.path), value=lost)
     # The snapshot of the rig is not needed, and would be sent to every process.
     files = tuple(CycleFile(f.path, replace(f.head, memory={})) for f in found)
-    wanted = [f for f in files if f.head.cycle.kind in (*SLIDING, *STANDING) or not f.head.cycle.steps]
-    edges = _edges([f for f in wanted if f.head.cycle.kind in SLIDING])
+    wanted = [f for f in files if f.cycle.kind in (*SLIDING, *STANDING) or not f.cycle.steps]
+    moving = [f for f in wanted if f.cycle.kind in SLIDING]
+    positions: list[Array] = []
+    for i in evenly(len(moving), LOOKED_AT) if moving else ():
+        with suppress(PneudriveError):
+            positions.append(moving[i].samples().position_m)
+    edges = common_edges(positions)
     read = share_out(read_part, wanted, campaign.identity, choice, edges, least=WORTH_WORKERS, processes=processes)
     rows = {file.head.cycle.key: one for file, one in zip(wanted, read, strict=True)}
     plans = _plans(files, rows)
@@ -208,18 +215,18 @@ def read_campaign(campaign: Campaign, choice: SampleChoice, processes: int | Non
     table = cycles.CycleTable.of(whole, BINS)
     skipped += [data for _, data in rows.values() if isinstance(data, Skipped)]
     kinds = table["kind"]
-    sliding = table.at(np.isin(kinds.tolist(), SLIDING))
     tares = table.at(kinds == "tare")
     gain = cycles.sensor_gain(campaign.identity, table.at(kinds == "weight"), tares)
     zeros = cycles.pressure_zeros(campaign.identity, tares)
+    table = cycles.without_zeros(cycles.corrected(table, gain), zeros, campaign.identity)
     return CampaignData(
         name=str(campaign.about.get("name", campaign.path.name)),
         source=campaign.path,
         identity=campaign.identity,
         about=campaign.about,
         files=files,
-        sliding=cycles.without_zeros(cycles.corrected(sliding, gain), zeros, campaign.identity),
-        tares=cycles.without_zeros(cycles.corrected(tares, gain), zeros, campaign.identity),
+        sliding=table.at(np.isin(kinds.tolist(), SLIDING)),
+        tares=table.at(kinds == "tare"),
         gain=gain,
         pressure_zeros=zeros,
         skipped=tuple(sorted(skipped, key=lambda s: s.file)),
@@ -286,51 +293,68 @@ def read_part(
         if file.head.cycle.kind in STANDING:
             row = standing_row(file, recording, samples, identity.ambient_pressure_pa)
         else:
-            row = cycles.reduce_cycle(_motion(recording, choice), edges_m)
+            # Inertia is subtracted only in the source paper's protocol, where the settled part includes the ramp at the
+            # end of the stroke. Otherwise the mean acceleration is zero, and its estimate would only add noise.
+            motion = RecordedMotion.of(recording, choice, inertia=not choice.uses_window)
+            row = cycles.reduce_cycle(motion, edges_m)
         known = samples.temperature_k[np.isfinite(samples.temperature_k)]
         return row | {"flags": flags, "temperature_k": known.mean() if known.size else np.nan}
 
     found: list[Read] = []
     for file, samples in zip(files, read_samples(files, STANDING), strict=True):
-        cycle = file.head.cycle
-        way = 0.0 if cycle.steps or isinstance(samples, CampaignError) else _way(samples)
+        cycle, way = file.cycle, 0.0
+        if not (cycle.steps or isinstance(samples, CampaignError)):
+            # The samples are widely spaced, so that noise does not add to the length.
+            position = samples.position_m[np.isfinite(samples.position_m)]
+            way = float(np.abs(np.diff(position[:: max(position.size // SAMPLES_OF_WAY, 1)])).sum())
         found.append((way, read_or_skip(read, file, samples) if cycle.kind in (*SLIDING, *STANDING) else None))
     return found
 
 
-def _motion(recording: Recording, choice: SampleChoice) -> RecordedMotion:
-    """Return the motion of a cycle. Inertia is subtracted only in the source paper's protocol.
+SHOWN_SAMPLES = 400
+BEFORE, AFTER = 0.05, 0.1  # of the stroke, shown before and after the reversal
 
-    In the settled part, the mean acceleration is zero, and acceleration computed from positions would only add noise.
-    In the source paper's protocol, the settled part includes the ramp at the end of the stroke.
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Loop(Shown):
+    """Friction around one reversal, from thinned raw samples.
+
+    Attributes
+    ----------
+    key : str
+        Key of the cycle.
+    condition : Condition
+    speed_m_s : float
+    position_m, friction_n : ndarray, shape (m,)
+        `friction_n` is positive if it opposes motion in +x, and does not contain the offset.
     """
-    return RecordedMotion.of(recording, choice, inertia=not choice.uses_window)
+
+    key: str
+    condition: Condition
+    speed_m_s: float
+    position_m: Array
+    friction_n: Array
 
 
-def loop_of(reading: CampaignData, key: str, choice: SampleChoice) -> cycles.Loop | None:
-    """Return friction around the first reversal of a cycle, see `reversal_loop`. None if it cannot be read."""
+def reversal_loop(file: CycleFile, samples: Samples, identity: Identity, choice: SampleChoice) -> Loop | None:
+    """Return the force balance around the first reversal of a cycle; None if it has no reversal.
 
-    def read(file: CycleFile, samples: Samples) -> cycles.Loop | None:
-        recording, _ = recording_of(file, reading.identity, samples)
-        return cycles.reversal_loop(_motion(recording, choice), key, condition_of(file.head))
-
-    (loop,) = read_each([file for file in reading.files if file.head.cycle.key == key], read)
-    return None if isinstance(loop, Skipped) else loop
-
-
-def _way(samples: Samples) -> float:
-    """Return the path length of a cycle from widely spaced samples, so that noise does not add to the length."""
-    position = samples.position_m[np.isfinite(samples.position_m)]
-    return float(np.abs(np.diff(position[:: max(position.size // SAMPLES_OF_WAY, 1)])).sum())
-
-
-def _edges(files: Sequence[CycleFile]) -> Array:
-    """Return the edges of bins over the travel of sliding cycles, from the positions of a few cycles."""
-    positions: list[Array] = []
-    for i in evenly(len(files), LOOKED_AT) if files else ():
-        with suppress(PneudriveError):
-            positions.append(files[i].samples().position_m)
-    return common_edges(positions)
+    `Loop.friction_n` still contains the offset (half the sum of both directions).
+    """
+    recording, _ = recording_of(file, identity, samples)
+    strokes = RecordedMotion.of(recording, choice, inertia=not choice.uses_window).strokes
+    turns = [(a, b) for a, b in pairwise(strokes) if a.direction != b.direction]
+    if not turns:
+        return None
+    before, after = turns[0]
+    friction, index = recording.balance_n(None), np.arange(before.start, after.stop)
+    reach = np.where(index < after.start, BEFORE, AFTER) * abs(after.to_m - after.from_m)
+    index = index[np.abs(recording.position_m[index] - after.from_m) <= reach]
+    if index.size < 10:
+        return None
+    shown = index[evenly(index.size, SHOWN_SAMPLES)]
+    speed = abs(after.speed_m_s)
+    return Loop(file.cycle.key, condition_of(file.head), speed, recording.position_m[shown], friction[shown])
 
 
 def common_edges(positions: Sequence[Array]) -> Array:
@@ -363,7 +387,11 @@ def reading_of(found: Characterisation) -> CampaignData:
     """
     edges = common_edges([r.recording.position_m for r in found.results])
     members = [(result, level) for result in found.results for level in result.levels]
-    pressures = {side: _joined(np.array([level.gauge_pa[side] for _, level in members])) for side in "ab"}
+    pressures = {}  # of each level: the rounded mean of all pressures within `SAME_PA`
+    for side in "ab":
+        gauge_pa = np.array([level.gauge_pa[side] for _, level in members])
+        near = levels(gauge_pa, SAME_PA)
+        pressures[side] = STEP_PA * np.round(means(near, gauge_pa)[0] / STEP_PA)[near]
     runs = list(dict.fromkeys(level.run for _, level in members))
     grid = grid_of(edges)
     rows = []
@@ -394,9 +422,3 @@ def reading_of(found: Characterisation) -> CampaignData:
         edges_m=edges,
         several=len(runs) > 1,
     )
-
-
-def _joined(gauge_pa: np.ndarray) -> np.ndarray:
-    """Return for each pressure the rounded mean of all pressures within `SAME_PA`."""
-    level = levels(gauge_pa, SAME_PA)
-    return STEP_PA * np.round(means(level, gauge_pa)[0] / STEP_PA)[level]

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     import polars as pl
     import xarray as xr
 
-    from pneudrive.friction.campaign.cycles import Loop
+    from pneudrive.friction.campaign.reading import Loop
     from pneudrive.friction.campaign.stops.dwell_law import DwellSeries
     from pneudrive.friction.sentences import Statement
     from pneudrive.rig.interface import Identity
@@ -504,19 +504,13 @@ def write_characteristics(found: CampaignCharacteristics, folder: str | Path) ->
 
 def write_curves_and_effects(found: CampaignCharacteristics, folder: Path) -> list[Path]:
     """Write effects, intervals, budget and statements as effects.toml, and curves.parquet if there are curves."""
-    tables = _entries(found, "effects") | {"cycles": len(found.cycles), "dwell": [_series(s) for s in found.dwell]}
-    written = [write_tables(tables, folder / "effects.toml")]
-    if found.curves:
-        written.insert(0, folder / "curves.parquet")
-        write_frame(_curves_frame(found), written[0])
-    return written
-
-
-def _curves_frame(found: CampaignCharacteristics) -> pl.DataFrame:
-    """Return all curves as one table with condition, direction, columns of `Curve`, and excluded points."""
     import polars as pl
 
-    frames = []
+    tables = _entries(found, "effects") | {"cycles": len(found.cycles), "dwell": [_series(s) for s in found.dwell]}
+    effects, target = write_tables(tables, folder / "effects.toml"), folder / "curves.parquet"
+    if not found.curves:
+        return [effects]
+    frames = []  # of each curve: condition, direction, columns of `Curve`, and excluded points
     for curve in found.curves:
         rows = pl.DataFrame(attributes_of(curve, *TABLES["lists"]["curve"])).with_columns(excluded=pl.lit(""))
         middle, half = pl.col("friction_n"), NORMAL_95 * pl.col("stderr_n")
@@ -526,7 +520,8 @@ def _curves_frame(found: CampaignCharacteristics) -> pl.DataFrame:
             rows = pl.concat([rows, out.rename({"reason": "excluded"})], how="diagonal")
         of_curve = vars(curve.condition) | attributes_of(curve, "direction", "contains_air", "complete")
         frames.append(pl.DataFrame([of_curve]).join(rows, how="cross", maintain_order="right"))
-    return pl.concat(frames).with_columns(pl.col(pl.Float64).fill_null(np.nan))
+    write_frame(pl.concat(frames).with_columns(pl.col(pl.Float64).fill_null(np.nan)), target)
+    return [target, effects]
 
 
 def write_tables(tables: Row, path: str | Path) -> Path:

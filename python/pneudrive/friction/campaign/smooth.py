@@ -42,6 +42,7 @@ LOCAL_REACH = 2.0
 #: Exponent with which the prior of a standard deviation falls towards zero (assumed). A few control runs that agree by
 #: chance do not prove a perfectly repeatable rig.
 FEW_AGREE = 4.0
+POSITIVE_SHARE = 0.2  # of the median friction: least friction for relative scatter
 LEAST_FRICTION = 0.1  # share of the mean friction below which proportional scatter falls no further (assumed)
 CARRIED = 0.98  # share of a drift that curves could absorb, above which the design does not determine it
 CURVE_DEGREE = 5  # polynomials in stretched speed that represent all curves there
@@ -107,14 +108,10 @@ class CurveData:
         return 1.0 if self.logarithmic else float(np.median(np.abs(self.y)))
 
     @cached_property
-    def lowest_m_s(self) -> float:
-        """Lowest speed of all curves."""
-        return self.speed_m_s[self.curve >= 0].min()
-
-    @cached_property
-    def width(self) -> float:
-        """Range of the stretched speed."""
-        return max(stretched(self.speed_m_s[self.curve >= 0], self.lowest_m_s).max(), 1e-6)
+    def span(self) -> tuple[float, float]:
+        """Lowest speed of all curves, and the range of the stretched speed."""
+        speed = self.speed_m_s[self.curve >= 0]
+        return speed.min(), max(stretched(speed, speed.min()).max(), 1e-6)
 
     @cached_property
     def kept(self) -> NDArray[np.intp]:
@@ -123,17 +120,15 @@ class CurveData:
 
     def place(self, speed_m_s: Array) -> Array:
         """Return the stretched speed, scaled to 0 to 1 over the measured range."""
-        return np.nan_to_num(stretched(speed_m_s, self.lowest_m_s) / self.width)
-
-    def levels(self, curve: Ints) -> Array:
-        """Return one column for each curve: 1 for observations on the curve, 0 for others."""
-        return (curve[:, None] == np.arange(self.curve.max() + 1)).astype(float)
+        lowest_m_s, width = self.span
+        return np.nan_to_num(stretched(speed_m_s, lowest_m_s) / width)
 
     def fixed(self, speed_m_s: Array, curve: Ints, *, observed: bool) -> Array:
         """Return the columns of the fixed effects: one level per curve, a common slope, and the zero of zero runs."""
         slope = np.where(curve >= 0, self.place(speed_m_s) - 0.5, 0.0)
         zero = np.full((curve.size, int((self.curve < 0).any())), float(observed))
-        return np.column_stack([zero, self.levels(curve), slope])
+        levels = curve[:, None] == np.arange(self.curve.max() + 1)
+        return np.column_stack([zero, levels, slope])
 
     def kernels(self, first: tuple[Array, Ints], second: tuple[Array, Ints]) -> Columns:
         """Return the covariance of the smooth deviations between speeds on curves."""
@@ -145,17 +140,9 @@ class CurveData:
         if self.curve.max() > 0:
             same = on & (i[:, None] == j)
             found["own shape"] = (bend + 3.0 * (s - 0.5)[:, None] * (t - 0.5)) * same
-            found["local"] = matern(s * self.width, t * self.width, LOCAL_REACH) * same
+            _, width = self.span
+            found["local"] = matern(s * width, t * width, LOCAL_REACH) * same
         return found
-
-    def part(self, rows: NDArray[np.intp]) -> CurveData:
-        """Return the observations in these rows."""
-        columns = {field.name: getattr(self, field.name) for field in fields(self)}
-        return replace(self, **{n: values[rows] for n, values in columns.items() if isinstance(values, np.ndarray)})
-
-    def logarithms(self) -> CurveData:
-        """Return the data with the logarithm of a positive response."""
-        return replace(self, y=np.log(self.y), noise=self.noise / self.y**2, logarithmic=True)
 
 
 @dataclass(frozen=True, eq=False)
@@ -181,17 +168,8 @@ class CurveFit:
         nothing = np.zeros((len(self.data), self.fit.model.x.shape[1]))
         return mixed.Functionals(self.fit, nothing, walk, walk).predict()
 
-    @property
-    def logarithmic(self) -> bool:
-        """Whether the response is the logarithm of friction."""
-        return self.data.logarithmic
-
-    def at(self, curve: int, speed_m_s: Array) -> mixed.Predicted:
-        """Return the curve at these speeds, in the unit of the response (its logarithm if `logarithmic`)."""
-        return self.over(curve, speed_m_s).predict()
-
-    def over(self, curve: int, speed_m_s: Array) -> mixed.Functionals:
-        """Return the curve at these speeds as linear functions of the model."""
+    def at(self, curve: int, speed_m_s: Array) -> mixed.Functionals:
+        """Return the curve at these speeds as linear functions of the model, in the unit of the response."""
         data, at = self.data, (speed_m_s, np.full(speed_m_s.size, curve, dtype=np.int64))
         fixed = data.fixed(*at, observed=False)[:, data.kept]
         return mixed.Functionals(self.fit, fixed, data.kernels(at, (data.speed_m_s, data.curve)), data.kernels(at, at))
@@ -201,7 +179,7 @@ class CurveFit:
         found = np.full(len(self.data), np.nan)
         for number in range(self.data.curve.max() + 1):
             members = self.data.curve == number
-            found[members] = self.at(number, self.data.speed_m_s[members]).mean
+            found[members] = self.at(number, self.data.speed_m_s[members]).predict().mean
         return found
 
 
@@ -210,7 +188,7 @@ def determines_drift(data: CurveData) -> bool:
     on = data.curve >= 0
     if on.sum() < 3 or np.ptp(data.order[on]) == 0:
         return False
-    place, levels = data.place(data.speed_m_s[on]), data.levels(data.curve[on])
+    place, levels = data.place(data.speed_m_s[on]), np.eye(data.curve.max() + 1)[data.curve[on]]
     speeds = np.unique(np.round(np.log(data.speed_m_s[on]), 2)).size
     degree = min(CURVE_DEGREE, speeds - 1)
     columns = np.hstack([levels * place[:, None] ** k for k in range(degree + 1)])
@@ -225,22 +203,27 @@ def fit_curves(data: CurveData) -> CurveFit:
     return CurveFit(data, curve_model(data).fit(), relative=float(data.logarithmic))
 
 
-def either_chance(fitted: CurveFit) -> CurveFit:
-    """Average over both forms of a cycle's scatter: constant in newton, and proportional to friction.
+def fit_friction(data: CurveData) -> CurveFit:
+    """Fit friction and its logarithm. Return the more likely fit, averaged over both forms of a cycle's scatter.
 
-    A few cycles do not determine the form of the scatter, so the band covers both forms. The choice of the response
-    (friction or its logarithm) is independent of this form.
-
-    Parameters
-    ----------
-    fitted : CurveFit
-        Fit with constant scatter in the unit of its response. Friction must be positive.
+    The scatter is constant in newton, or proportional to friction. A few cycles do not determine its form, so the band
+    covers both forms. The choice of the response (friction or its logarithm) is independent of this form.
     """
-    steady = np.exp(fitted.steady()) if fitted.logarithmic else fitted.steady()
+    plain = fit_curves(data)
+    if data.y.min() <= POSITIVE_SHARE * np.median(data.y):
+        return plain
+    relative = fit_curves(replace(data, y=np.log(data.y), noise=data.noise / data.y**2, logarithmic=True))
+    # Densities of y and of ln y differ by a factor y for each degree of freedom of the restricted likelihood.
+    freedom = len(data) - plain.fit.model.x.shape[1]
+    likelier = relative.fit.log_likelihood() - freedom * np.mean(np.log(data.y))
+    better = relative if likelier > plain.fit.log_likelihood() else plain
+    del plain, relative  # free the other one before a third: each takes much memory
+    is_log, steady = better.data.logarithmic, better.steady()
+    steady = np.exp(steady) if is_log else steady
     share = np.maximum(steady / steady.mean(), LEAST_FRICTION)
-    data = replace(fitted.data, chance=1.0 / share if fitted.logarithmic else share)
-    fit, (weight,) = fitted.fit.averaged(curve_model(data).fit())
-    return CurveFit(fitted.data, fit, 1.0 - weight if fitted.logarithmic else weight)
+    other = replace(better.data, chance=1.0 / share if is_log else share)
+    fit, (weight,) = better.fit.averaged(curve_model(other).fit())
+    return CurveFit(better.data, fit, 1.0 - weight if is_log else weight)
 
 
 def with_doubt(fitted: CurveFit, readings: Sequence[NDArray[np.intp]]) -> CurveFit:
@@ -361,7 +344,9 @@ def _path(data: CurveData) -> list[tuple[list[int], Array, float]]:
 def _others(data: CurveData, taken: list[int]) -> tuple[NDArray[np.intp], mixed.MixedModel]:
     """Return the rows of the remaining cycles, and their model."""
     rows = np.setdiff1d(np.arange(len(data)), taken)
-    return rows, curve_model(data.part(rows))
+    columns = {field.name: getattr(data, field.name) for field in fields(data)}
+    others = {name: values[rows] for name, values in columns.items() if isinstance(values, np.ndarray)}
+    return rows, curve_model(replace(data, **others))
 
 
 def _against(data: CurveData, taken: list[int], one: int, sd: Array) -> float:

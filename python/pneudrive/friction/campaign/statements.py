@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import combinations
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -9,7 +10,7 @@ import numpy as np
 from pneudrive.estimate.estimates import CHANCE, NORMAL_95, student
 from pneudrive.friction.campaign.curves import Fits, deviation_n
 from pneudrive.friction.campaign.points import NEGATIVE, OUTLIER, CurvePoints, suspicions
-from pneudrive.friction.campaign.trends import pure_scatter, together
+from pneudrive.friction.campaign.trends import TOGETHER, causes, pure_scatter
 from pneudrive.friction.friction_map import BOTH, PA_PER_BAR
 from pneudrive.friction.sentences import NAMED, Statement, named, say
 from pneudrive.signals.motion import straight_line
@@ -35,10 +36,8 @@ def statements(
     said = [*_data(found, reading, points)]
     if fits is None:
         return (*said, say("curve.none"))
-    said += [*_curves(found, reading, fits), *_scatter(found, reading, fits), *_left(fits)]
-    said += [*_drift(found, fits), *_pressure_zeros(reading)]
-    for effects in (_directions, _pressure, _air, _position, _unsteady):
-        said += effects(found)
+    said += [*_curves(found, reading, fits), *_scatter(found, reading, fits), *_drift(found, fits)]
+    said += [*_directions(found, reading), *_pressures(found), *_position(found), *_unsteady(found)]
     return tuple(said)
 
 
@@ -78,7 +77,7 @@ def _curves(found: CampaignCharacteristics, reading: CampaignData, fits: Fits) -
     poor = [c.label(found.identity.ambient_pressure_pa) for c, n in measured.items() if n < FEW_LEVELS]
     if poor:
         yield say("curve.few_speeds", few=FEW_LEVELS, conditions="; ".join(poor))
-    place = 1e3 * points.pattern.position_m[points.pattern.common]
+    place = 1e3 * points.pattern["position_m"][points.pattern["common"]]
     relative = fits.friction.relative
     open_kind = KIND_TOLD < relative < 1.0 - KIND_TOLD
     kind = "curve.mean" if open_kind else "curve.mean_relative" if relative > 0.5 else "curve.mean_in_newton"
@@ -94,6 +93,7 @@ def _curves(found: CampaignCharacteristics, reading: CampaignData, fits: Fits) -
 
 
 def _scatter(found: CampaignCharacteristics, reading: CampaignData, fits: Fits) -> Iterator[Statement]:
+    """Return statements on the scatter of the cycles, and on good or suspect cycles that differ from their curve."""
     repeat = found.repeatability
     assert repeat is not None
     is_once, used = repeat.basis == "smooth curve", fits.points.at(fits.points.use)
@@ -115,19 +115,15 @@ def _scatter(found: CampaignCharacteristics, reading: CampaignData, fits: Fits) 
             count = sum(kinds.count("sentinel") for kinds in fits.points.labels("kind", np.arange(len(fits.points))))
             narrow = {"narrow": (share < 1.0).sum(), "points": share.size, "least": share.min()}
             yield say("repeatability.measured_once", sentinels=count, **narrow)
-    if fits.blocks is None:
+    if fits.friction.data.blocks is None:
         yield say("repeatability.one_block_each" if reading.several else "repeatability.one_block")
-
-
-def _left(fits: Fits) -> Iterator[Statement]:
-    """Return statements on good cycles that differ from a curve by more than the scatter, and on suspect cycles."""
     points, pure = fits.points, pure_scatter(fits)
     if pure is not None:
-        data, found = fits.friction.data, pure[0]
+        data, single = fits.friction.data, pure[0]
         rest = data.y - fits.friction.drift.mean - fits.friction.steady()
-        scatter = np.hypot(found.value / np.sqrt(data.count), np.sqrt(data.noise))
+        scatter = np.hypot(single.value / np.sqrt(data.count), np.sqrt(data.noise))
         off = np.abs(rest) / np.maximum(scatter, ROUNDING * np.abs(points["friction_n"]).max())
-        far = np.flatnonzero(off > student(found.degrees_of_freedom) * LEAVES)
+        far = np.flatnonzero(off > student(single.degrees_of_freedom) * LEAVES)
         if far.size:
             keys = points["key"][points.use]
             worst = far[np.argsort(-off[far])].tolist()
@@ -141,7 +137,7 @@ def _left(fits: Fits) -> Iterator[Statement]:
 def _drift(found: CampaignCharacteristics, fits: Fits) -> Iterator[Statement]:
     drift = found.drift
     assert drift is not None
-    if not fits.has_drift:
+    if not fits.friction.data.drift:
         yield say("drift.not_carried" if np.ptp(fits.points["order"]) > 0.0 else "drift.no_order")
         return
     yield say("drift.moved", moved=np.ptp(drift.drift_n), drift=drift, share=100.0 * drift.spread_n / fits.level_n)
@@ -156,15 +152,26 @@ def _drift(found: CampaignCharacteristics, fits: Fits) -> Iterator[Statement]:
     for cause, effect in effects.items():
         if effect is not None:
             yield say("drift.effect", cause=cause, effect=effect)
-    for a, b, r in together(fits):
-        yield say("drift.together", first=a.title(), second=b, r=r)
+    # Causes that change together cannot be separated.
+    changing = {name: column for name, column in causes(fits).items() if np.ptp(column) > 0 and name != "interrupted"}
+    for a, b in combinations(changing, 2):
+        if abs(r := np.corrcoef(changing[a], changing[b])[0, 1]) > TOGETHER:
+            yield say("drift.together", first=a.title(), second=b, r=r)
     if drift.interrupted is not None:
         yield say("drift.interrupted", effect=drift.interrupted)
     else:
         yield say("drift.never_interrupted")
 
 
-def _directions(found: CampaignCharacteristics) -> Iterator[Statement]:
+def _directions(found: CampaignCharacteristics, reading: CampaignData) -> Iterator[Statement]:
+    """Return statements on the zeros of the sensors and on the difference of the directions."""
+    for chamber, zero in reading.pressure_zeros.items():
+        if zero.tares:
+            yield say("zero.pressure", chamber=chamber, zero=zero, expanded=2 * zero.stderr_pa)
+        for fault, tares in zero.unusable.items():
+            if tares:
+                several = named(f"{key}: {value:+.3g} Pa" for key, value in tares.items())
+                yield say(fault, chamber=chamber, count=len(tares), named=several)
     if found.zero.basis != "tare":
         yield say("direction.no_tare")
         return
@@ -179,17 +186,8 @@ def _directions(found: CampaignCharacteristics) -> Iterator[Statement]:
             yield say(f"direction.{kind}", where=_where(found, group), values=ends, half=half)
 
 
-def _pressure_zeros(reading: CampaignData) -> Iterator[Statement]:
-    for chamber, zero in reading.pressure_zeros.items():
-        if zero.tares:
-            yield say("zero.pressure", chamber=chamber, zero=zero, expanded=2 * zero.stderr_pa)
-        for fault, tares in zero.unusable.items():
-            if tares:
-                several = named(f"{key}: {value:+.3g} Pa" for key, value in tares.items())
-                yield say(fault, chamber=chamber, count=len(tares), named=several)
-
-
-def _pressure(found: CampaignCharacteristics) -> Iterator[Statement]:
+def _pressures(found: CampaignCharacteristics) -> Iterator[Statement]:
+    """Return statements on the effects of the chamber pressures, and on the force of the air."""
     for effect in found.pressure:
         prefix = f"{effect.levels}: " if effect.levels else ""
         separate = {"a", "b"} <= effect.slopes.keys()
@@ -199,11 +197,7 @@ def _pressure(found: CampaignCharacteristics) -> Iterator[Statement]:
     if not found.pressure:
         pairs = {(c.condition.pressure_a_pa, c.condition.pressure_b_pa) for c in found.curves}
         yield say("pressure.one_pair" if len(pairs) == 1 else "pressure.no_common_speed")
-
-
-def _air(found: CampaignCharacteristics) -> Iterator[Statement]:
-    shares = found.air
-    if not shares:
+    if not (shares := found.air):
         return
     where, speed = f"At {_where(found, shares)}", 1e3 * max(s.speed_m_s[-1] for s in shares)
     if shares[0].separated:

@@ -7,7 +7,6 @@ harmonics, with the cycles as repeats. Slopes over both pressures are given at e
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from itertools import combinations
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -64,23 +63,20 @@ def causes(fits: Fits) -> Columns:
     return columns
 
 
-def together(fits: Fits) -> Iterator[tuple[str, str, float]]:
-    """Return the pairs of causes that cannot be separated, and their correlation."""
-    changing = {name: column for name, column in causes(fits).items() if np.ptp(column) > 0 and name != "interrupted"}
-    for a, b in combinations(changing, 2):
-        if abs(r := np.corrcoef(changing[a], changing[b])[0, 1]) > TOGETHER:
-            yield a, b, r
-
-
 def drift_of(fits: Fits) -> Drift:
     """Return the drift over the campaign and the effects of its causes. Undetermined effects have the value None."""
     points, fit, scale = fits.points, fits.friction, fits.scale_n
     known, effects = causes(fits), dict[str, Estimate | None]()
+    has_drift, model = fit.data.drift, fit.fit.model
     for cause, (name, unit) in EFFECTS.items():
-        is_determined = cause in known and (fits.has_drift or cause == "interrupted")
-        effects[name] = _effect(fits, known[cause], unit) if is_determined else None
+        effects[name] = None
+        if cause in known and (has_drift or cause == "interrupted"):
+            # The effect on mean friction is estimated together with a smooth drift.
+            x = np.column_stack([model.x, known[cause] - known[cause].mean()])
+            if _is_determined(x):
+                effects[name] = replace(model, x=x).fit().contrast(scale * np.eye(x.shape[1])[-1], unit)
     time, sentinel = points["elapsed_s"], points["kind"] == "sentinel"
-    repeated = (np.bincount(points.cell[points.use]) > 1).any()
+    repeated = (np.bincount(points["cell"][points.use]) > 1).any()
     basis = "sentinels" if sentinel.any() else "repeats" if repeated else "smooth curve"
     value, half = fit.drift.mean * scale, fit.drift.half_width() * scale
     return Drift(
@@ -91,18 +87,9 @@ def drift_of(fits: Fits) -> Drift:
         sentinel_time_s=time[sentinel],
         sentinel_n=points["friction_n"][sentinel],
         **effects,
-        basis=basis if fits.has_drift else "not determined",
+        basis=basis if has_drift else "not determined",
         spread_n=float(np.std(value)),
     )
-
-
-def _effect(fits: Fits, column: Array, unit: str) -> Estimate | None:
-    """Return the effect of one cause on mean friction, estimated together with a smooth drift."""
-    model = fits.friction.fit.model
-    x = np.column_stack([model.x, column - column.mean()])
-    if not _is_determined(x):
-        return None
-    return replace(model, x=x).fit().contrast(fits.scale_n * np.eye(x.shape[1])[-1], unit)
 
 
 def _is_determined(x: Array) -> bool:
@@ -115,7 +102,7 @@ def repeatability(fits: Fits) -> Repeatability:
     fit, pure, scale, basis = fits.friction, pure_scatter(fits), fits.scale_n, "smooth curve"
     if pure is not None:
         found, level, basis = pure
-        scale = level if fit.logarithmic else scale
+        scale = level if fit.data.logarithmic else scale
         within = found.scaled(scale)
     else:
         noise = float(np.sqrt(np.mean(fit.data.noise))) * scale
@@ -123,7 +110,7 @@ def repeatability(fits: Fits) -> Repeatability:
         ends = {name: float(np.hypot(getattr(within, name), noise)) for name in ("value", "low", "high")}
         within = replace(within, **ends)
     between = total = None
-    if fits.blocks is not None:
+    if fit.data.blocks is not None:
         between = fit.fit.deviation("block").scaled(scale)
         value = float(np.hypot(within.value, between.value))
         stderr = float(np.hypot(within.stderr * within.value, between.stderr * between.value)) / max(value, 1e-12)
@@ -145,7 +132,7 @@ def pure_scatter(fits: Fits) -> tuple[Estimate, float, str] | None:
 
     points, fit = fits.points, fits.friction
     use = np.flatnonzero(points.use)
-    cell = points.cell[use]
+    cell = points["cell"][use]
     again = np.bincount(cell)[cell] > 1
     if not again.any():
         return None
@@ -204,9 +191,9 @@ def _describe(
     condition: Condition | None,
     members: Bools,
 ) -> PositionPattern | None:
-    common, here = points.pattern.common, points.at(members)
+    common, here = points.pattern["common"], points.at(members)
     rows = here["relative_n"][:, common]
-    position = points.pattern.position_m[common]
+    position = points.pattern["position_m"][common]
     enough = np.isfinite(rows).mean(axis=1) >= COVERED
     rows = rows[enough]
     if rows.shape[0] < FEWEST_CYCLES or position.size < FEWEST_BINS:
@@ -223,7 +210,7 @@ def _describe(
     coefficients = _each(_columns(position, waves), rows)
     trend = _trend(position, rows, slowness, waves)[0]
     parts = zip(waves, coefficients[:, 2::2].T, coefficients[:, 3::2].T, strict=True)
-    harmonics = tuple(_harmonic(times, _length(position) / times, *both) for times, *both in parts)
+    harmonics = tuple(_harmonic(order, _length(position) / order, *both) for order, *both in parts)
     ends = (mean - half, mean + half)
     return PositionPattern(condition, position, mean, *ends, trend, harmonics, rows.shape[0], title)
 
@@ -238,7 +225,12 @@ def _trend(position: Array, rows: Array, slowness: Array, waves: Sequence[float]
     """
     # Relative trend of friction along x in each cycle, and its variance from noise within the cycle.
     columns = _columns(position, waves)
-    columns = np.hstack([columns, _stretches(position, np.nanmean(rows, axis=0), columns)])
+    # Derivatives of the mean pattern with respect to the order of each wave.
+    of_mean = np.linalg.lstsq(columns, np.nanmean(rows, axis=0), rcond=None)[0]
+    phase = 2.0 * np.pi * (position - position.mean()) / _length(position)
+    pairs = [(k, k + 1) for k in range(2, columns.shape[1], 2)]
+    stretches = [phase * (of_mean[b] * columns[:, a] - of_mean[a] * columns[:, b]) for a, b in pairs]
+    columns = np.column_stack([columns, *stretches])
     slopes = _each(columns, rows)
     rest = np.nan_to_num(rows - slopes @ columns.T)
     weights = np.linalg.pinv(columns)[1]
@@ -308,15 +300,6 @@ def _waves(position: Array, mean: Array, stderr: Array) -> list[float]:
     return waves
 
 
-def _stretches(position: Array, mean: Array, columns: Array) -> Array:
-    """Return the derivatives (n, waves) of the mean pattern with respect to the order of each wave."""
-    found = np.linalg.lstsq(columns, mean, rcond=None)[0]
-    phase = 2.0 * np.pi * (position - position.mean()) / _length(position)
-    pairs = [(k, k + 1) for k in range(2, columns.shape[1], 2)]
-    parts = [phase * (found[sine] * columns[:, cosine] - found[cosine] * columns[:, sine]) for cosine, sine in pairs]
-    return np.column_stack(parts) if parts else np.zeros((position.size, 0))
-
-
 def _each(columns: Array, rows: Array) -> Array:
     """Fit the columns to each cycle. Return the coefficients (cycles, columns)."""
     masks, which = np.unique(np.isfinite(rows), axis=0, return_inverse=True)
@@ -327,7 +310,7 @@ def _each(columns: Array, rows: Array) -> Array:
     return found
 
 
-def _harmonic(times: float, wavelength: float, cosine: Array, sine: Array) -> PositionWave:
+def _harmonic(order: float, wavelength: float, cosine: Array, sine: Array) -> PositionWave:
     """Estimate one harmonic. Its amplitude is tested by Hotelling's T2 of cosine and sine part."""
     from scipy.special import fdtrc
 
@@ -345,7 +328,7 @@ def _harmonic(times: float, wavelength: float, cosine: Array, sine: Array) -> Po
     except np.linalg.LinAlgError:
         p = float(size == 0.0)
     amplitude = Estimate(size, max(size - half, 0.0), size + half, stderr, "1", n - 1, p)
-    return PositionWave(times, wavelength, mean_estimate(cosine, "1"), mean_estimate(sine, "1"), amplitude)
+    return PositionWave(order, wavelength, mean_estimate(cosine, "1"), mean_estimate(sine, "1"), amplitude)
 
 
 #: Relative change of friction over a campaign, by run-in or wear, that may be mistaken for an effect of pressure if the
@@ -383,13 +366,8 @@ class _Design:
         return np.where(self.compared, values - values[self.compared].mean(), 0.0)
 
 
-def pressure_effects(fits: Fits, ambient_pa: float) -> tuple[PressureEffects, ...]:
-    """Find the effects of pressure for each set of mounting, seal and drive with several pressure pairs."""
-    found = (_effects(ambient_pa, fits, members, title) for title, members in fits.points.assemblies.items())
-    return tuple(effect for effect in found if effect is not None)
-
-
-def _effects(ambient_pa: float, fits: Fits, members: Bools, title: str) -> PressureEffects | None:
+def pressure_effects(ambient_pa: float, fits: Fits, title: str, members: Bools) -> PressureEffects | None:
+    """Return the effects of pressure for a set of mounting, seal and drive; None without several pressure pairs."""
     design = _design(ambient_pa, fits, members)
     if design is None:
         return None
@@ -412,7 +390,7 @@ def _effects(ambient_pa: float, fits: Fits, members: Bools, title: str) -> Press
     u = float(np.mean(np.hypot(used["u_gain_n"], used["u_hysteresis_n"])))
     # A steady change by 1 N from the first cycle to the last looks like these coefficients of the pressure columns.
     of_order = np.linalg.lstsq(fit.model.x, used["order"] - used["order"].mean(), rcond=None)[0]
-    if not fits.has_drift:  # else the design determines a drift, which is then in the model
+    if not fits.friction.data.drift:  # else the design determines a drift, which is then in the model
         hidden_n = HIDDEN_CHANGE * float(np.abs(fit.model.y).mean())
 
     def slope(row: Array, span: float) -> Estimate:
@@ -456,7 +434,7 @@ def _design(ambient_pa: float, fits: Fits, members: Bools) -> _Design | None:
     points = fits.points
     absolute = np.array([(c.pressure_a_pa, c.pressure_b_pa) for c in points.conditions])
     gauge = (np.round((absolute - ambient_pa) / PA_PER_BAR, 3) + 0.0)[points["curve"]]
-    pairs, level, cell = np.unique(gauge[members], axis=0), points["level"], points.cell
+    pairs, level, cell = np.unique(gauge[members], axis=0), points["level"], points["cell"]
     at = {int(k): np.unique(gauge[members & (level == k)], axis=0) for k in set(level[members])}
     kept = sorted(k for k, found in at.items() if len(found) == len(pairs))
     if len(pairs) < 2 or not kept:
@@ -487,14 +465,14 @@ def _fit(fits: Fits, design: _Design, x: Array) -> MixedFit | None:
     # the values themselves, which such a source would explain exactly.
     steady = projection(y, x)
     level = steady / steady.mean()
-    share, relative = (level if fits.friction.logarithmic else np.ones(y.size)), fits.friction.relative
+    share, relative = (level if fits.friction.data.logarithmic else np.ones(y.size)), fits.friction.relative
     usual = CYCLE_SCALE * max(np.abs(y).mean(), 1e-9)
     outer, own = np.outer(share, share), relative * level**2 + 1.0 - relative
     components = [RandomEffect("cycle", own / fits.points.count[design.used], usual)]
-    if fits.has_drift:
+    if fits.friction.data.drift:
         components.append(RandomEffect("drift", outer * centred_walk(design.points["order"]), usual))
-    if fits.blocks is not None:
-        blocks = fits.blocks[design.used[fits.points.use]]
+    if (blocks := fits.friction.data.blocks) is not None:
+        blocks = blocks[design.used[fits.points.use]]
         if blocks.any(axis=0).sum() > 1:
             components.append(RandomEffect("block", outer * (blocks @ blocks.T), usual))
     return MixedModel(y, x, design.points["friction_stderr_n"] ** 2, tuple(components)).fit()

@@ -34,8 +34,8 @@ from pneudrive.estimate.autocorrelation import cells, corrected_criterion, means
 from pneudrive.estimate.estimates import NORMAL_95, rms
 from pneudrive.estimate.mixed import Scan, refined
 from pneudrive.friction.bins import profile_stderr
-from pneudrive.friction.campaign.reading import condition_of, read_each
-from pneudrive.friction.friction_map import Condition, Skipped
+from pneudrive.friction.campaign.reading import condition_of
+from pneudrive.friction.friction_map import Condition
 from pneudrive.rig.interface import Hold, Identity, Move, Samples
 from pneudrive.signals.motion import noise_level
 
@@ -239,15 +239,10 @@ def strokes_of(
     return out
 
 
-def read_strokes(files: Sequence[CycleFile], identity: Identity) -> list[UninterruptedStroke]:
-    """Return the uninterrupted strokes of whole cycles. Unreadable cycles are skipped."""
-
-    def read(file: CycleFile, samples: Samples) -> list[UninterruptedStroke]:
-        recording, _ = recording_of(file, identity, samples)
-        return strokes_of(file, recording, steps_of(recording, samples))
-
-    # The characterisation of the cycle reports skipped parts.
-    return [s for strokes in read_each(files, read) if not isinstance(strokes, Skipped) for s in strokes]
+def uninterrupted_strokes(file: CycleFile, samples: Samples, identity: Identity) -> list[UninterruptedStroke]:
+    """Return the strokes of a whole cycle without a stop."""
+    recording, _ = recording_of(file, identity, samples)
+    return strokes_of(file, recording, steps_of(recording, samples))
 
 
 def _means(values: Array, most: int) -> tuple[Array, float]:
@@ -323,7 +318,15 @@ def running_level(
     low, high = sorted((float(recording.position_m[approach.start]) if approach else at, end))
     alike = (phases.direction, speed, low, high, condition)
     references = _references(own, *alike) or _references(others, *alike)
-    reference_m, reference_n, noise = _averaged(references)
+    reference_m, reference_n, noise = np.zeros(0), np.zeros(0), 0.0
+    if references:
+        # Mean of the strokes over their common travel, smoothed over three points, and its noise.
+        ends = max(s.position_m[0] for s in references), min(s.position_m[-1] for s in references)
+        reference_m = np.linspace(*ends, 200)
+        mean = np.mean([np.interp(reference_m, s.position_m, s.friction_n) for s in references], axis=0)
+        padded = np.r_[mean[0], mean, mean[-1]]
+        reference_n = (padded[:-2] + padded[1:-1] + padded[2:]) / 3.0
+        noise = np.mean([s.noise_n for s in references]) / np.sqrt(3.0 * len(references))
     nothing = Running(np.nan, np.nan, 0.0, "none", at, reference_m, reference_n)
     if approach is not None:
         basis = "approach and reference" if references else "approach"
@@ -369,18 +372,6 @@ def _references(
     return out[-MOST_REFERENCES:]
 
 
-def _averaged(strokes: Sequence[UninterruptedStroke]) -> tuple[Array, Array, float]:
-    """Return the mean friction of the strokes over the travel, smoothed over three points, and its noise."""
-    if not strokes:
-        return np.zeros(0), np.zeros(0), 0.0
-    ends = max(s.position_m[0] for s in strokes), min(s.position_m[-1] for s in strokes)
-    grid = np.linspace(*ends, 200)
-    mean = np.mean([np.interp(grid, s.position_m, s.friction_n) for s in strokes], axis=0)
-    padded = np.r_[mean[0], mean, mean[-1]]
-    smooth = (padded[:-2] + padded[1:-1] + padded[2:]) / 3.0
-    return grid, smooth, np.mean([s.noise_n for s in strokes]) / np.sqrt(3.0 * len(strokes))
-
-
 BACK = 0.05  # of the excess at the peak
 BINS_PER_DECADE = 14
 LEAST_IN_BIN = 4
@@ -397,30 +388,35 @@ def _interval(name: str, value: float, low: float, high: float) -> Row:
 
 
 def bin_excess(
-    travel_m: Array,
-    time_s: Array,
-    excess_n: Array,
-    noise_n: float,
-    texture_n: float,
-) -> Array | None:
+    recording: Recording, friction_n: Array, part: slice, direction: int, running: Running
+) -> tuple[Array, float] | None:
     """Average the excess over bins whose width grows with travel. Return None if there are too few samples.
 
     Parameters
     ----------
-    travel_m, time_s, excess_n : ndarray, shape (n,)
-        Samples since the peak.
-    noise_n : float
-        Noise of one sample.
-    texture_n : float
-        Standard deviation of friction over position in uninterrupted sliding, which averaging in bins does not reduce.
+    recording : Recording
+    friction_n : ndarray, shape (n,)
+        direction * balance.
+    part : slice
+        Samples from the peak to the end of the part at constant speed.
+    direction : int
+    running : Running
 
     Returns
     -------
-    ndarray or None, shape (4, m)
+    ndarray, shape (4, m)
         Travel and time since the peak, excess over uninterrupted sliding, and its standard error.
+    float
+        Speed of the restart.
     """
-    known = travel_m > 0
-    travel, time, excess = travel_m[known], time_s[known], excess_n[known]
+    if not np.isfinite(running.level_n) or part.stop - part.start < 2:
+        return None
+    position = recording.position_m[part]
+    travel = np.maximum.accumulate(direction * (position - position[0]))
+    time = recording.time_s[part] - recording.time_s[part.start]
+    excess = friction_n[part] - running.level_n - running.shape(position)
+    known, speed = travel > 0, float(travel[-1] / max(time[-1], 1e-12))
+    travel, time, excess = travel[known], time[known], excess[known]
     if travel.size < FEWEST_BINS * LEAST_IN_BIN:
         return None
     low = travel[LEAST_IN_BIN]
@@ -439,8 +435,9 @@ def bin_excess(
     kept = count >= LEAST_IN_BIN
     if kept.sum() < FEWEST_BINS:
         return None
-    stderr = np.hypot(noise_n / np.sqrt(count), texture_n)
-    return np.array([*means(group, travel, time, excess), stderr])[:, kept]
+    # Averaging in bins does not reduce the texture, the scatter of uninterrupted friction over position.
+    stderr = np.hypot(noise_level(friction_n[part]) / np.sqrt(count), running.texture_n)
+    return np.array([*means(group, travel, time, excess), stderr])[:, kept], speed
 
 
 def recover(bins: Array, running_stderr_n: float, speed_m_s: float) -> Row:
@@ -449,7 +446,7 @@ def recover(bins: Array, running_stderr_n: float, speed_m_s: float) -> Row:
     Parameters
     ----------
     bins : ndarray, shape (4, m)
-        Result of `bin_excess`.
+        See `bin_excess`.
     running_stderr_n : float
         Standard error of the level of uninterrupted sliding.
     speed_m_s : float

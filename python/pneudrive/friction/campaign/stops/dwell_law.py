@@ -302,7 +302,16 @@ def dwell_statements(series: DwellSeries, stops: pl.DataFrame) -> Iterator[State
         yield say(f"stops.{kind}", where=where, count=(~stops["usable"]).sum(), stops=len(stops), flags=counts)
     slope = series.slope
     if series.curve is None or slope is None:
-        yield from _one_duration(where, stops.filter("usable"))
+        # Stops of one duration determine the increment, but no law.
+        usable = stops.filter("usable")
+        durations = durations_of(usable["dwell_s"].to_numpy())
+        if len(usable) > 1 and durations == 1:
+            inertia = inertia_of(usable)
+            found = mean_estimate(usable["increment_n"].to_numpy()).widened(inertia)
+            kind = "stops.increment_and_mass" if inertia > 0.0 else "stops.increment"
+            yield say(kind, where=where, duration=np.median(usable["dwell_s"]), found=found, count=len(usable))
+        of = "one duration" if durations == 1 else f"{durations} durations"
+        yield say("stops.too_few_durations", where=where, count=len(usable), durations=of)
         return
     durations = dwell_models.most_durations(series.curve.data)
     share = f"; {100 * series.share.value:.2g} % of running friction" if series.share is not None else ""
@@ -310,21 +319,21 @@ def dwell_statements(series: DwellSeries, stops: pl.DataFrame) -> Iterator[State
     yield say(f"stops.{'slope' if slope.differs else 'slope_not_shown'}", where=where, share=share, **numbers)
     if slope.differs:  # else there is no effect
         yield from _laws(where, series, durations)
-    yield from _confounding(where, series, series.curve)
+    if series.curve.inflation >= dwell_models.CONFOUNDED:
+        yield say("stops.drift", where=where)
+    rate = series.stops["loading_rate_n_s"].to_numpy()
+    known = np.isfinite(rate) & (rate > 0)
+    if known.sum() > 5:
+        logs, log_stop_s = np.log(rate[known]), series.curve.data["log_s"][known]
+        spread = np.subtract(*np.quantile(logs, [0.9, 0.1]))
+        together = np.corrcoef(logs, log_stop_s)[0, 1] if spread > 0 and np.ptp(log_stop_s) > 0 else 0.0
+        if spread > RATE_SPREAD and abs(together) > RATE_CORRELATION:
+            yield say("stops.loading_rate", where=where, together=together)
+    effects = {"where": where, "stops": len(series.stops), "inertia": inertia_of(series.stops)}
+    for flag in ("long_loading", "inertia", "slow_samples"):
+        if count := sum(flag in raised for raised in series.stops["flags"].to_list()):
+            yield say(f"stops.{flag}", count=count, **effects)
     yield say("stops.peaks", where=where)
-
-
-def _one_duration(where: str, stops: pl.DataFrame) -> Iterator[Statement]:
-    """Return statements on the increment if all stops have one duration, so that no law can be fitted."""
-    durations = durations_of(stops["dwell_s"].to_numpy())
-    if len(stops) > 1 and durations == 1:
-        inertia = inertia_of(stops)
-        found = mean_estimate(stops["increment_n"].to_numpy()).widened(inertia)
-        duration = np.median(stops["dwell_s"])
-        kind = "stops.increment_and_mass" if inertia > 0.0 else "stops.increment"
-        yield say(kind, where=where, duration=duration, found=found, count=len(stops))
-    of = "one duration" if durations == 1 else f"{durations} durations"
-    yield say("stops.too_few_durations", where=where, count=len(stops), durations=of)
 
 
 def _laws(where: str, series: DwellSeries, durations: int) -> Iterator[Statement]:
@@ -346,24 +355,6 @@ def _laws(where: str, series: DwellSeries, durations: int) -> Iterator[Statement
     )
     if best.name != "none" and longest <= LONG_S * 1.01 and open_end:
         yield say("stops.saturation", where=where, longest=longest)
-
-
-def _confounding(where: str, series: DwellSeries, curve: dwell_models.DwellCurve) -> Iterator[Statement]:
-    if curve.inflation >= dwell_models.CONFOUNDED:
-        yield say("stops.drift", where=where)
-    rate = series.stops["loading_rate_n_s"].to_numpy()
-    known = np.isfinite(rate) & (rate > 0)
-    if known.sum() > 5:
-        logs, durations = np.log(rate[known]), curve.data["log_s"][known]
-        spread = np.subtract(*np.quantile(logs, [0.9, 0.1]))
-        together = np.corrcoef(logs, durations)[0, 1] if spread > 0 and np.ptp(durations) > 0 else 0.0
-        if spread > RATE_SPREAD and abs(together) > RATE_CORRELATION:
-            yield say("stops.loading_rate", where=where, together=together)
-    numbers = {"where": where, "stops": len(series.stops), "inertia": inertia_of(series.stops)}
-    for flag in ("long_loading", "inertia", "slow_samples"):
-        count = sum(flag in raised for raised in series.stops["flags"].to_list())
-        if count:
-            yield say(f"stops.{flag}", count=count, **numbers)
 
 
 #: Duration at which the slope is evaluated, s: the stop of the source paper [bracha].
@@ -405,6 +396,12 @@ def _series(stops: pl.DataFrame, ambient: float) -> DwellSeries:
     conditions = conditions_of(used)
     enough = [c for c in sorted(set(conditions)) if durations_of(used.filter(**vars(c))["dwell_s"].to_numpy()) >= 2]
     used = used.filter([c in enough for c in conditions])
+    durations, reference_s = used["dwell_s"].to_list(), REFERENCE_S
+    if durations and not min(durations) * INSIDE <= REFERENCE_S <= max(durations) / INSIDE:
+        reference_s = float(f"{np.sqrt(min(durations) * max(durations)):.3g}")
+    # The mean of both directions removes the offset.
+    by_direction = (used if len(used) else stops).group_by("direction")
+    directions = [np.mean(group["running_n"].to_numpy()) for _, group in by_direction]
     series = DwellSeries(
         levels=conditions_of(stops)[0].title,
         speed_m_s=stops["speed_m_s"][0],
@@ -412,8 +409,8 @@ def _series(stops: pl.DataFrame, ambient: float) -> DwellSeries:
         conditions=tuple(enough),
         stops=used,
         left_out=len(stops) - len(used),
-        reference_s=_reference(used["dwell_s"].to_list()),
-        running_n=_running(used if len(used) else stops),
+        reference_s=reference_s,
+        running_n=float(np.mean(directions)),
     )
     if not len(used):
         return series
@@ -457,21 +454,6 @@ def _results(series: DwellSeries, curve: dwell_models.DwellCurve, ambient: float
         "outlying": tuple(curve.data["key"][curve.weight < 0.7].tolist()),
         "curve": curve,
     }
-
-
-def _reference(durations: list[float]) -> float:
-    if not durations:
-        return REFERENCE_S
-    low, high = min(durations), max(durations)
-    if low * INSIDE <= REFERENCE_S <= high / INSIDE:
-        return REFERENCE_S
-    return float(f"{np.sqrt(low * high):.3g}")
-
-
-def _running(stops: pl.DataFrame) -> float:
-    """Return the mean running friction. The mean of both directions removes the offset."""
-    by_direction = [np.mean(group["running_n"].to_numpy()) for _, group in stops.group_by("direction")]
-    return float(np.mean(by_direction)) if by_direction else np.nan
 
 
 def _pressure(curve: dwell_models.DwellCurve, at: Array, ambient: float) -> DwellPressure | None:

@@ -47,7 +47,6 @@ if TYPE_CHECKING:
 
     import polars as pl
 
-    from pneudrive.campaign.cycle import Cycle
     from pneudrive.signals.recording import Recording
 
 
@@ -95,15 +94,16 @@ def _read(
     peak = find_breakaway(time, travel, after, level, identity.stiffness_n_m, identity.bandwidth_hz.get("force_n"))
     at_peak = phases.restart.start + peak.index
     shift = running.shape(recording.position_m[[at_peak]])[0]
-    held = phases.rest
     increment, stderr = peak.friction_n - running.level_n - shift, float(np.hypot(peak.stderr_n, running.stderr_n))
-    inertia = _inertia(recording, peak, cycle.speed_m_s)
+    held = phases.rest
     relaxation = {} if cycle.released else course.relax(recording.time_s[held] - phases.rest_s, friction[held])
+    inertia = _inertia(recording, peak, cycle.speed_m_s)
     size, moved = max(abs(increment), 3.0 * stderr), _pressure_moves_n(recording, phases, at_peak)
     # A force of the air measured in the chambers is corrected. It spoils a result that is not larger.
     most = 1.0 if identity.pressure_measured_at == "chamber" else SPOILS
     spoiled = {"pressure_transient": moved > most * size, "inertia": inertia > SPOILS * size}
     flags = [*_flags(file, recording, phases, peak, running, samples), *(flag for flag in spoiled if spoiled[flag])]
+    bins = course.bin_excess(recording, friction, slice(at_peak, steady.stop), phases.direction, running)
     return {
         **vars(condition),
         "index": file.head.index,
@@ -128,30 +128,11 @@ def _read(
         "inertia_n": inertia,
         **TABLES["stop"],
         **relaxation,
-        **_recovery(recording, friction, slice(at_peak, steady.stop), phases.direction, running),
+        **({} if bins is None else course.recover(bins[0], running.stderr_n, bins[1])),
         "usable": bool(np.isfinite(increment)) and not SPOILING.intersection(flags),
         "flags": flags,
         **_trace(recording, friction, phases),
     }
-
-
-def _recovery(
-    recording: Recording,
-    friction: Array,
-    part: slice,
-    direction: int,
-    running: course.Running,
-) -> Row:
-    """Fit the return to sliding after the peak, over the part at constant speed."""
-    if not np.isfinite(running.level_n) or part.stop - part.start < 2:
-        return {}
-    position = recording.position_m[part]
-    travel = np.maximum.accumulate(direction * (position - position[0]))
-    time = recording.time_s[part] - recording.time_s[part.start]
-    excess = friction[part] - running.level_n - running.shape(position)
-    bins = course.bin_excess(travel, time, excess, noise_level(friction[part]), running.texture_n)
-    speed = travel[-1] / max(time[-1], 1e-12)
-    return course.recover(bins, running.stderr_n, speed) if bins is not None else {}
 
 
 def _flags(
@@ -245,7 +226,9 @@ def find_stops(
     stops = [f for f in files if f.head.cycle.kind == "stop" and f.head.cycle.stop_s != 0.0]
     if not stops:
         return pl.DataFrame(), ()
-    others = course.read_strokes(_comparable(files, stops), campaign.identity)
+    # Unreadable cycles are skipped here: the characterisation of the cycle reports them.
+    uninterrupted = read_each(_comparable(files, stops), course.uninterrupted_strokes, campaign.identity)
+    others = [stroke for strokes in uninterrupted if not isinstance(strokes, Skipped) for stroke in strokes]
     found = share_out(read_each, stops, _read, campaign.identity, others, least=WORTH_WORKERS, processes=processes)
     rows = [row for row in found if isinstance(row, dict)]
     skipped = sorted((s for s in found if isinstance(s, Skipped)), key=lambda s: s.file)
@@ -254,28 +237,28 @@ def find_stops(
 
 
 def _comparable(files: Sequence[CycleFile], stops: Sequence[CycleFile]) -> list[CycleFile]:
-    """Return cycles without a stop, at the condition and speed of stops that lack an uninterrupted stroke."""
-    wanted = {_place(f) for f in stops if not _has_reference(f.head.cycle)}
+    """Return cycles without a stop, at the condition and speed class of stops that lack an uninterrupted stroke."""
+
+    def place(file: CycleFile) -> tuple[Condition, float]:
+        speed = file.cycle.speed_m_s
+        return condition_of(file.head), round(np.log(speed) / course.SAME_SPEED) if speed else np.nan
+
+    wanted = set()
+    for file in stops:
+        # A stroke is uninterrupted if it has the restart speed and is not next to the stop.
+        hold, cycle = course.stop_step(file.cycle), file.cycle
+        moves = [
+            i for i, step in enumerate(cycle.steps) if isinstance(step, Move) and step.speed_m_s == cycle.speed_m_s
+        ]
+        if hold is None or not any(abs(i - hold) > 1 for i in moves):
+            wanted.add(place(file))
     found: dict[tuple, list[CycleFile]] = {}
     for file in files:
-        cycle = file.head.cycle
+        cycle = file.cycle
         uninterrupted = cycle.kind in ("sweep", "sentinel", "blank") or (cycle.kind == "stop" and cycle.stop_s == 0.0)
-        if uninterrupted and (key := _place(file)) in wanted:
+        if uninterrupted and (key := place(file)) in wanted:
             found.setdefault(key, []).append(file)
     return [group[i] for group in found.values() for i in evenly(len(group), MOST_CYCLES)]
-
-
-def _place(file: CycleFile) -> tuple[Condition, float]:
-    """Return condition and speed class of a cycle."""
-    speed = file.head.cycle.speed_m_s
-    return condition_of(file.head), round(np.log(speed) / course.SAME_SPEED) if speed else np.nan
-
-
-def _has_reference(cycle: Cycle) -> bool:
-    """Return whether the cycle has a move at the restart speed that is not next to the stop."""
-    hold = course.stop_step(cycle)
-    moves = ((i, step) for i, step in enumerate(cycle.steps) if isinstance(step, Move))
-    return hold is not None and any(abs(i - hold) > 1 and step.speed_m_s == cycle.speed_m_s for i, step in moves)
 
 
 # --- Height of a breakaway peak.
