@@ -158,8 +158,10 @@ class Identified:
         for name, interval in self.intervals.items():
             mark = marks.get(name)
             origin = {"interval": _ends(interval, mark), "confidence": CONFIDENCE, "source": joined(self.recordings)}
-            if name in self.model_errors:
-                origin["model_error"] = _rounded(self.model_errors[name], None, _size(mark), MODEL_DIGITS)
+            if name in self.model_errors:  # a difference: pressure without abs, temperature in K
+                quantity, _ = _way(mark)
+                size = Quantity("K", "K") if quantity.si_unit == "K" else quantity
+                origin["model_error"] = _rounded(self.model_errors[name], None, size, MODEL_DIGITS)
             every = self.correlations.get(name, {}).items()
             shares = {other: short for other, share in every if (short := round(share, CORRELATION_PLACES))}
             known = {"correlation": shares, "fit": self.fit, "file": self.file}
@@ -301,12 +303,6 @@ def _way(mark: Written | None) -> tuple[Quantity, str]:
     if isinstance(mark, StatedPressure):
         return Quantity("Pa", "bar"), " abs"
     return mark or Quantity(""), ""
-
-
-def _size(mark: Written | None) -> Quantity:
-    """Return the unit for differences: pressure without abs, temperature in K."""
-    quantity, _ = _way(mark)
-    return Quantity("K", "K") if quantity.si_unit == "K" else quantity
 
 
 def _rounded(

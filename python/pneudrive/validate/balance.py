@@ -234,14 +234,6 @@ class Signals:
         """Acceleration from a local cubic of the position."""
         return self.smooth(self.position_m, 2)
 
-    @cached_property
-    def velocity_noise_m_s(self) -> float:
-        """Standard deviation of the noise of `velocity_m_s`, from that of the position."""
-        if "velocity_m_s" in self.recording:
-            return noise_level(self.velocity_m_s)
-        weights = savgol_coeffs(2 * self.half + 1, 3, deriv=1, delta=self.step_s)
-        return float(np.sqrt(weights @ weights)) * noise_level(self.position_m)
-
     @property
     def direction(self) -> Array:
         """Sign of the velocity, 0 at rest."""
@@ -249,8 +241,13 @@ class Signals:
 
     @cached_property
     def moving(self) -> Bools:
-        """Mask of samples with a speed beyond its noise."""
-        return np.abs(self.velocity_m_s) > max(MOVES * self.velocity_noise_m_s, 1e-4)
+        """Mask of samples with a speed beyond its noise, which comes from that of the position if not measured."""
+        if "velocity_m_s" in self.recording:
+            noise_m_s = noise_level(self.velocity_m_s)
+        else:
+            weights = savgol_coeffs(2 * self.half + 1, 3, deriv=1, delta=self.step_s)
+            noise_m_s = float(np.sqrt(weights @ weights)) * noise_level(self.position_m)
+        return np.abs(self.velocity_m_s) > max(MOVES * noise_m_s, 1e-4)
 
     def start_temperatures(self, drive: Drive) -> list[float]:
         """Return the measured temperatures at the first sample, or the ambient temperature, in K."""
