@@ -42,12 +42,6 @@ def test_a_table_has_a_row_for_each_label_and_names_a_common_unit_once():
     assert "9.79 ± 0.49" in view._card().rows[0]
 
 
-def test_a_column_of_several_units_names_each():
-    values = (("drift", 0.2, "N/h"), ("slope", 2e-5, "N/Pa"))
-    view = View("effects", tuple(ShownValue(n, n, "value", v, u, (0.5 * v, 1.5 * v)) for n, v, u in values))
-    assert view.table()[1] == [("drift", "0.20 ± 0.10 N/h"), ("slope", "2.0 ± 1.0 N/bar")]
-
-
 def test_the_band_of_a_curve_is_that_at_its_measured_points():
     speed, friction = np.array([0.01, 0.02, 0.1]), np.array([30.0, 20.0, 25.0])
     reach = np.array([1.0, 50.0, 3.0])  # wide between the measured points
@@ -131,12 +125,6 @@ def test_a_figure_is_drawn_on_light_and_dark_paper_and_twice_alike(tmp_path, dar
         draw_figure(shown.figure, path, synthetic=True, dark=dark)
     assert files[0].read_bytes() == files[1].read_bytes()
     assert ("#14181d" in files[0].read_text(encoding="utf-8")) == dark
-
-
-def test_more_than_five_leading_values_are_refused():
-    value = ShownValue("a", "a", "a", 1.0)
-    with pytest.raises(ValueError, match="at most 5"):
-        View("six", leading=(value,) * 6)
 
 
 # --- A bare name shows a short table, escaped; a quantity shows its unit and computes as the SI number that it is.

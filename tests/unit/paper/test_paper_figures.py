@@ -104,19 +104,6 @@ def test_sensors_of_figure_1_show_counts_and_noise():
     )
 
 
-def test_faster_drive_does_not_stick():
-    faster = ss.measure_faster()
-    assert faster.mean_speed_m_s > 50e-3
-    assert faster.stuck_share == 0.0
-    assert not ss.sticks(faster)
-
-
-def test_figure_8_reaches_the_speeds_that_it_names(figures):
-    c = figures[8].columns
-    assert c["speed_m_s"][[0, -1]] == pytest.approx([1e-3, 0.5])
-    assert c["mean_speed_m_s"][-1] < 0.9 * c["speed_m_s"][-1]  # ramps are part of the paper's mean
-
-
 def test_protocol_and_settling_against_the_truth(figures):
     figure = figures[6]
     c = figure.columns

@@ -152,13 +152,6 @@ def test_there_is_a_report(name, tmp_path):
     assert ("synthetic" in page.split("</nav>")[0].split("<nav")[1]) == found.synthetic
 
 
-def test_no_fit_and_no_stick_slip_are_said(tmp_path):
-    found = characterise_recordings([recording()])
-    page = write_report(found, {}, tmp_path).read_text(encoding="utf-8")
-    assert "No law could be fitted" in page
-    assert "shows stick-slip. Sampling" in page
-
-
 def test_stick_slip_of_a_recording_is_measured_and_drawn(tmp_path):
     found = characterise_recordings([from_run(creep("stribeck"))])
     page = write_report(found, {}, tmp_path).read_text(encoding="utf-8")
