@@ -19,7 +19,7 @@ from pneudrive.cli.main import app, run
 from pneudrive.describe.components import component_class
 from pneudrive.describe.files.load import circuit_schema
 from pneudrive.describe.kinds import component_kinds
-from pneudrive.describe.system import compiled
+from pneudrive.describe.system import System
 
 ROOT = Path(__file__).parents[2]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
@@ -142,7 +142,7 @@ def listed(by_formula, monkeypatch):
                 one |= {"kind": "restriction/formula", "formula": written}
         return core(json.dumps(form), names)
 
-    caches = (component_kinds, component_class, compiled)
+    caches = (component_kinds, component_class, System.compiled)
     monkeypatch.setattr(_core, "components", lambda: [*components, entry])
     monkeypatch.setattr(_core, "Circuit", known)
     for cache in caches:
