@@ -155,9 +155,9 @@ def _noise(topic: Topic, found: Validation) -> Blocks:
     rows = []
     for record in found.records:
         for column, channel in record.channels.items():
-            white = channel.whiteness
-            strongest = ", ".join(f"{signal} {value:+.2f}" for signal, value in list(channel.cross.items())[:3])
-            rows.append((record.recording.name, CHANNELS[column], white.outside, white.p, strongest))
+            white, strongest = channel.whiteness, list(channel.correlated_with.items())[:3]
+            words = ", ".join(f"{signal} {value:+.2f}" for signal, value in strongest)
+            rows.append((record.recording.name, CHANNELS[column], white["outside"], white["p"], words))
     yield topic.text()
     yield topic.table(rows)
 
