@@ -235,7 +235,8 @@ def suitability(drive: DriveOrCircuit, setup: SetupOrFile = "real") -> View:
     Returns
     -------
     View
-        Whether each controller suits the drive, with the reason. Those that suit come first, the smallest error leads.
+        Whether each controller suits the drive, with the reason. Suitable controllers come first, in ascending order
+        of their errors.
     """
     valves = [one.kind for one in drive.circuit.components.values() if one.kind.startswith("valve/")]
     unfit = "" if valves == ["valve/proportional-5/3"] else "; cannot be exported for these valves"

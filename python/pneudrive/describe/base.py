@@ -58,8 +58,8 @@ _TYPES = {
 class Described(Shown, BaseModel):
     """Base class of every description table. It is frozen, rejects unknown keys and gives one message for each error.
 
-    A field is stored in SI under a name with its unit (``bore_m``). The key of the file (``bore``) gives the same
-    number as a quantity with a unit.
+    A field is stored in SI under a name with its unit (``bore_m``). The attribute with the key of the file
+    (``bore``) returns the same value as a quantity with a unit.
     """
 
     #: pydantic builds the validator of a table at its first use, because a description uses few kinds of tables.

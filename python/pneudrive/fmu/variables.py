@@ -50,7 +50,7 @@ class FmuVariable:
     rate_of : str
         Name of the state of which this variable is the rate.
     nominal : float or None
-        Nominal value of a state, from which a tool derives its absolute tolerance. The default of tools is 1.
+        Nominal value of a state, from which a tool derives its absolute tolerance. If it is absent, tools assume 1.
     """
 
     name: str

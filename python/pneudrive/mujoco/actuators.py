@@ -448,7 +448,7 @@ class Actuators:
         Raises
         ------
         SimulationError
-            A drive cannot follow, or the step does not converge.
+            The simulation of a drive failed, or the step does not converge.
         """
         h = float(self.model.opt.timestep)
         n = len(self._axes)
@@ -475,7 +475,7 @@ class Actuators:
             try:
                 closed = close_step(self._cores, until, mechanics, v.tolist(), self._slopes, known)
             except RuntimeError as error:
-                raise SimulationError(f"a drive cannot follow the model at t = {self.time:.6g} s: {error}") from None
+                raise SimulationError(f"the simulation of a drive failed at t = {self.time:.6g} s: {error}") from None
             speeds, known, self._slopes, trials = closed
             v, forces = np.array(speeds), np.array(known)
             self._trials += trials

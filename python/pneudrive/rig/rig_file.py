@@ -38,7 +38,7 @@ def _channels(mark: Callable[[str], Mark], **others: tuple[str, Mark]) -> Reads:
     Parameters
     ----------
     mark : callable
-        Returns the annotation of the values of a channel from its SI unit.
+        Function of the SI unit of a channel. It returns the annotation of the values of this channel.
     **others
         Further keys -> name in `Identity`, and annotation.
     """

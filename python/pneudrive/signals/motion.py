@@ -310,7 +310,7 @@ def _groups(ordered: list[Stroke], width: float) -> Levels:
 
 
 def _are_steps(groups: Levels) -> bool:
-    """Return whether groups of one direction are set speeds: clearly apart, and in ascending or descending order.
+    """Return whether groups of one direction are speed setpoints: clearly apart, in ascending or descending order.
 
     A few exceptions to the order are allowed, such as a first stroke at the usual speed.
     """
@@ -323,7 +323,7 @@ def _are_steps(groups: Levels) -> bool:
 
 
 def _are_levels(groups: Levels) -> bool:
-    """Return whether groups are set speeds.
+    """Return whether groups are speed setpoints.
 
     Drift or scatter also causes groups, but these have one direction only, or no gaps between them.
     """

@@ -472,7 +472,9 @@ def in_unit(text: str, unit: str) -> str:
     wanted, wanted_said = split_mark(unit)
     known = TABLE.get(canonical(wanted))
     if known is None or said != wanted_said:
-        raise DescriptionError(f'"{text}" cannot be written in "{unit}"', rule="a common unit, abs or gauge as given")
+        raise DescriptionError(
+            f'"{text}" cannot be written in "{unit}"', rule="a common unit, with the abs or gauge of the text"
+        )
     return f"{write(parse(plain, known[0]), known[0], canonical(wanted))}{said}"
 
 

@@ -272,7 +272,7 @@ def _entry(
     wait_s: float = 0.0,
     **about: Any,  # noqa: ANN401 - the optional fields of Cycle
 ) -> Planned:
-    """Return a cycle without its place in the plan. Its key does not contain the block."""
+    """Return a cycle that is not yet assigned to a block. Its key does not contain the block."""
     pressures = pair.absolute_pa(plan.identity.ambient_pressure_pa)
     cycle = Cycle(name, kind, steps, sampling or plan.protocol.sampling, *pressures, start_m=plan.ends_m[0], **about)
     at, axis_s, samples = plan.ends_m[0], 0.0, int(bool(steps))

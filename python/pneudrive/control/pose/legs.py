@@ -335,7 +335,7 @@ def run_pose(
         Mass at ``payload_at`` of the platform, such as ``"2 kg"``. No controller knows this mass. The platform is run
         with each of several payloads. The dataset is that of the first payload, and the score contains the spread.
     mismatch : Mismatch, str or path-like, optional
-        Deviation of each leg from its description. Ranges are drawn for each leg.
+        Deviation of each leg from its description. Each leg gets its own random value from each range.
     dynamics : str
         ``"full"``, or ``"constant"``: then the controllers use mass and load of each leg at the start of the path.
 

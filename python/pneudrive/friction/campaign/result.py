@@ -86,8 +86,8 @@ class AirShare:
     seal_n, seal_low_n, seal_high_n : ndarray, shape (m,)
         NaN if not separated.
     air_bound_n : ndarray, shape (m,)
-        Upper bound of the force of the air; NaN if separated. It assumes that friction of the seal does not fall below
-        its lowest value at slower speeds.
+        Upper bound of the force of the air; NaN if separated. It assumes that friction of the seal does not fall as
+        speed rises.
     """
 
     condition: Condition

@@ -260,7 +260,7 @@ class FrictionFit(SlidingFit, kind="friction map"):
         -----
         PneudriveWarning
             An undetermined breakaway force below the fitted Coulomb force (or the reverse) is set to the fitted force.
-            Kept values change the curve of the drive. Measured effects of a campaign cannot be applied, or were
+            The values that the drive keeps make its friction differ from the fit. Measured effects of a campaign cannot be applied, or were
             assumed.
         """
         if isinstance(drive, Circuit):

@@ -244,7 +244,7 @@ def bounds(points: Iterable[Point], room: float = 0.0) -> Box:
 
 
 def _label(name: str, one: Component, box: Box, taken: set[str]) -> list[Shape]:
-    """Return the name and the first values that the component's kind requires, on a side without ports."""
+    """Return the label of a component, on a side without ports: its name and its first required values."""
     given, values = one.plain(), []
     for parameter in one.entry["parameters"]:
         keys = [parameter["key"], *one.same_size(parameter["key"])]

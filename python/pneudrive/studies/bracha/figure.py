@@ -118,7 +118,7 @@ class Claim:
 
 
 def judge(whole: object, *, part: object) -> str:
-    """Return a verdict from two tests: of the whole sentence, and of a part."""
+    """Return the verdict on a sentence of the paper: all of it is true (`whole`), or only a part (`part`)."""
     return "holds" if whole else "holds in part" if part else "does not hold"
 
 

@@ -116,7 +116,7 @@ def ask_campaign(workspace: Workspace, path: str, control: bool, word: object = 
     Raises
     ------
     CommandError
-        The server only watches, or the request is unknown.
+        The server was started without ``--control``, or the request is unknown.
     CampaignError
         No process runs the campaign.
     """

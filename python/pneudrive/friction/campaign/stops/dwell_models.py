@@ -403,7 +403,7 @@ def _inflation(x: Array, conditions: int, drift: Array) -> float:
 
 
 def _first_scatter(data: dict[str, NDArray], x: Array) -> float:
-    """Return a first estimate of the scatter beyond noise, from repeated stops, otherwise from residuals of lines."""
+    """Return a first estimate of the scatter beyond noise, from repeated stops or else from a linear fit."""
     y = data["increment_n"]
     cell = cells(data["condition"], levels(data["log_s"], SAME_DURATION))
     repeats = y.size - cell.max() - 1
