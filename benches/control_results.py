@@ -162,11 +162,14 @@ def cells(count: int) -> Iterator[dict[str, Any]]:
 
 def random_table(found: list[dict[str, Any]]) -> Iterator[str]:
     """Yield the rows of the tables of random axes."""
-    for kind, title in (("different", "description and drive differ"), ("described", "as described")):
+    for kind, title in (
+        ("different", "if description and drive differ"),
+        ("described", "if the drive is as described"),
+    ):
         rows = [own for own in found if own["drive"] == kind]
         errors = {law: [own["errors_mm"][law] or math.inf for own in rows] for law in pn.control.laws()}
         best = [min(each) for each in zip(*errors.values(), strict=True)]
-        yield f"\nLargest errors in mm, {title}, {len(rows)} runs of each controller:\n"
+        yield f"\nLargest errors in mm {title}, from {len(rows)} runs of each controller:\n"
         names = sorted({own["along"] for own in rows})
         heads = [f"{name}, median" for name in names] + ["95 % of all below", f"within {NEAR:g} of the best", "lost"]
         yield f"| controller | {' | '.join(heads)} |\n|---|{'---|' * len(heads)}"

@@ -260,8 +260,8 @@ class FrictionFit(SlidingFit, kind="friction map"):
         -----
         PneudriveWarning
             An undetermined breakaway force below the fitted Coulomb force (or the reverse) is set to the fitted force.
-            The values that the drive keeps make its friction differ from the fit. Measured effects of a campaign cannot be applied, or were
-            assumed.
+            The values that the drive keeps make its friction differ from the fit. Measured effects of a campaign
+            cannot be applied, or were assumed.
         """
         if isinstance(drive, Circuit):
             raise FitError(**stated("application", "to_circuit", name=drive.name))
