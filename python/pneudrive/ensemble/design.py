@@ -15,9 +15,9 @@ import numpy as np
 from scipy.special import ndtr, ndtri
 from scipy.stats import qmc
 
-from pneudrive.ensemble.variation import QuantityReader, Variation, check_lengths
+from pneudrive.ensemble.variation import QuantityReader, Variation
 from pneudrive.errors import CommandError, nearest
-from pneudrive.free.parameters import chosen
+from pneudrive.free.parameters import find
 from pneudrive.identify.base import Fit, names_of
 from pneudrive.identify.dynamic.fit import transforms_of
 from pneudrive.identify.static.model import PRESSURE_NAMES
@@ -532,13 +532,23 @@ class EnsembleDesign(Shown):
         """
         if self.method == "table":
             columns = {name: _column(values, variation.reader(name).value) for name, values in self.each.items()}
-            check_lengths(columns)
+            lengths = {name: len(column) for name, column in columns.items()}
+            if len(set(lengths.values())) > 1:
+                said = ", ".join(f"{name}: {length}" for name, length in lengths.items())
+                what = f"the columns of vary have unequal lengths ({said})"
+                raise CommandError(what, rule="one value for each member")
+            if not all(lengths.values()):
+                raise CommandError("vary has no member", rule="at least one value of each number")
             return Rows.table(list(columns), np.column_stack(list(columns.values())))
         if self.method == "grid":
             return Rows.grid({name: axis.in_si(variation.reader(name).value) for name, axis in self.each.items()})
         if self.method not in SAMPLERS:
             raise CommandError(f'there is no design "{self.method}"', remedy=nearest(self.method, SAMPLERS))
-        size, names = self._size(), tuple(self.names)
+        if self.members is None:
+            raise CommandError("vary has distributions, but the number of members is missing", remedy="Give n.")
+        whole_number("seed", self.seed, 0)
+        most = {"latin-hypercube": MOST_HYPERCUBE, "sobol": MOST_SOBOL}.get(self.method, MOST_WHOLE)
+        size, names = whole_number("n", self.members, 1, most), tuple(self.names)
         quantiles, of = self._marginals(variation) if self.fit is None else self._posterior(variation)
 
         def points(first: int, last: int) -> Array:
@@ -547,17 +557,19 @@ class EnsembleDesign(Shown):
         about = {"design": self.method, "members": size, "seed": self.seed, **of}
         return Rows(names, size, about, points, quantiles)
 
-    def _size(self) -> int:
-        most = {"latin-hypercube": MOST_HYPERCUBE, "sobol": MOST_SOBOL}.get(self.method, MOST_WHOLE)
-        if self.members is None:
-            raise CommandError("vary has distributions, but the number of members is missing", remedy="Give n.")
-        whole_number("seed", self.seed, 0)
-        return whole_number("n", self.members, 1, most)
+    def _marginals(self, variation: Variation) -> tuple[Callable[[Array], Array], Plain]:
+        """Return the values at points of the unit cube, and the description of the distributions.
 
-    def _correlations(self) -> np.ndarray | None:
-        if not self.correlation:
-            return None
-        names = list(self.each)
+        The normal scores of the numbers may be correlated.
+        """
+        each: dict[str, Distribution] = {}
+        for name, one in self.each.items():
+            made = read_text(one) if isinstance(one, str) else one
+            if not isinstance(made, Distribution):
+                remedy = 'Write for instance "normal(30 N, 10 %)".'
+                raise CommandError(f"vary: {name} has no distribution", remedy=remedy)
+            each[name] = made.in_si(variation.reader(name))
+        names = list(each)
         matrix = np.eye(len(names))
         for pair, value in self.correlation.items():
             for name in pair:
@@ -569,24 +581,15 @@ class EnsembleDesign(Shown):
             matrix[i, j] = matrix[j, i] = value
         if np.linalg.eigvalsh(matrix)[0] <= 0.0:
             raise CommandError("the correlations contradict each other", rule="the matrix is positive definite")
-        return matrix
-
-    def _marginals(self, variation: Variation) -> tuple[Callable[[Array], Array], Plain]:
-        """Return the values at points of the unit cube, and the description of the distributions.
-
-        The normal scores of the numbers may be correlated.
-        """
-        each = {name: _distribution(name, one).in_si(variation.reader(name)) for name, one in self.each.items()}
-        correlation = self._correlations()
 
         def values(cube: Array) -> Array:
-            if correlation is not None:
-                scores = _mixed(ndtri(cube), np.linalg.cholesky(correlation).astype(float))
+            if self.correlation:
+                scores = _mixed(ndtri(cube), np.linalg.cholesky(matrix).astype(float))
                 cube = np.clip(ndtr(scores), EDGE, 1.0 - EDGE)
             return np.column_stack([one.quantile(share) for one, share in zip(each.values(), cube.T, strict=True)])
 
-        matrix = None if correlation is None else correlation.tolist()
-        return values, {"distributions": {name: str(one) for name, one in each.items()}, "correlation": matrix}
+        texts = {name: str(one) for name, one in each.items()}
+        return values, {"distributions": texts, "correlation": matrix.tolist() if self.correlation else None}
 
     def _posterior(self, variation: Variation) -> tuple[Callable[[Array], Array], Plain]:
         """Return the values at points of the unit cube, and the description of the posterior of a fit.
@@ -605,7 +608,7 @@ class EnsembleDesign(Shown):
         )
         # Next to zero, a value itself is normal and not its logarithm: it is folded at zero.
         errors = [self.fit.standard_errors.get(name, 0.0) for name in self.each]
-        every = list(zip(chosen(start, self.names), errors, strict=True))
+        every = list(zip(find(start, self.names, shifts=True), errors, strict=True))
         near_zero = [np.isfinite(p.lower) and error > p.value - p.lower for p, error in every]
         folded = [k for k, is_near in enumerate(near_zero) if is_near]
         parameters = [replace(p, lower=-np.inf, size=e) if k in folded else p for k, (p, e) in enumerate(every)]
@@ -660,13 +663,6 @@ def design_of(vary: Keyed | EnsembleDesign, n: int | None = None, seed: int | No
     if n is not None and {len(one) for one in each.values()} != {n}:
         raise CommandError(f"n = {n} is not the number of values in vary", rule="leave out n if values are given")
     return EnsembleDesign("table", each)
-
-
-def _distribution(name: str, one: Any) -> Distribution:  # noqa: ANN401
-    made = read_text(one) if isinstance(one, str) else one
-    if not isinstance(made, Distribution):
-        raise CommandError(f"vary: {name} has no distribution", remedy='Write for instance "normal(30 N, 10 %)".')
-    return made
 
 
 def _column(values: Any, read: Any) -> np.ndarray:  # noqa: ANN401

@@ -79,10 +79,12 @@ class EnsembleStudy:
     first: int = 0
 
     def about(self) -> Plain:
-        """Return all inputs that determine the results, as plain data."""
+        """Return all inputs that determine the results, as plain data. Equal starts of all members have equal texts."""
+        drive, start = self.variation.drive, self.variation.initial
+        start = drive.core_initial(start) if self.variation.is_circuit else start  # also that of a circuit file
         return {
-            "description_hash": self.variation.drive.description_hash,
-            "initial": self.variation.start_said(),
+            "description_hash": drive.description_hash,
+            "initial": {key: str(value) for key, value in start.items()},
             **self.plans.about(),
             "rtol": self.rtol,
             "vary": self.rows.about,
@@ -364,8 +366,11 @@ class ChunkStore:
             make_result_folder(folder)
             write_whole(path, json.dumps(about, indent=1))
         elif begun.get("study") != about["study"]:
-            differ = _different(begun.get("about", {}), about["about"])
-            raise CommandError.of("ensemble.other_study", where=str(path), folder=folder, differ=differ)
+            before, names = begun.get("about", {}), {"description_hash": "drive", "duration_s": "duration"}
+            now: Plain = about["about"]
+            differ = [names.get(key, key) for key in now if before.get(key) != now[key]]
+            shown = ", ".join(differ) or "study"
+            raise CommandError.of("ensemble.other_study", where=str(path), folder=folder, differ=shown)
         self.chunks = study.chunks((begun or about)["chunk_members"])
         for unfinished in folder.glob(".pneudrive-*"):  # of a process that was killed while it wrote a chunk
             unfinished.unlink(missing_ok=True)
@@ -420,13 +425,6 @@ class ChunkStore:
             self.path(chunk.start).unlink(missing_ok=True)
         (self.folder / STUDY).unlink(missing_ok=True)
         self.folder.rmdir()
-
-
-def _different(before: Plain, now: Plain) -> str:
-    """Return the names of the inputs that differ between two studies."""
-    names = {"description_hash": "drive", "duration_s": "duration"}
-    differ = [names.get(key, key) for key in now if before.get(key) != now[key]]
-    return ", ".join(differ) or "study"
 
 
 def results(
@@ -600,7 +598,7 @@ def study_of(
     command: Any,  # noqa: ANN401
     duration: Any,  # noqa: ANN401
     *,
-    vary: Keyed | EnsembleDesign,
+    vary: EnsembleDesign,
     outputs: Sequence[str | Output] | None,
     initial: Any,  # noqa: ANN401
     rtol: float = 1e-6,
@@ -616,11 +614,10 @@ def study_of(
     if threads is not None:
         whole_number("threads", threads)
     plans = member_plans(command, duration, drive.commandable)
-    design = design_of(vary)
     for_all, each = parted_starts(initial)
     begun = {f"{INITIAL}{key}": values for key, values in each.items()}
-    variation = Variation(drive, [*design.names, *begun], for_all)
-    rows = design.rows(variation)
+    variation = Variation(drive, [*vary.names, *begun], for_all)
+    rows = vary.rows(variation)
     if begun:
         beside = EnsembleDesign.table(begun).rows(variation)
         if beside.size != rows.size:

@@ -147,7 +147,14 @@ def member_plans(command: Any, duration: Any, commandable: Mapping[str, CommandI
         rows[own] = read_rows(command, commandable[own])
     else:
         rows = {name: [steps] for name, steps in commands.plans(command, commandable)}
-    return MemberPlans({commands.input_of(name): each for name, each in rows.items()}, _durations(duration))
+    if isinstance(duration, str) or not np.ndim(duration):
+        durations = [positive(duration, "s", "duration")]
+    elif np.ndim(duration) == 1 and len(duration):
+        durations = [positive(one, "s", f"duration of member {place}") for place, one in enumerate(duration)]
+    else:
+        rule = "one for all members, or one for each"
+        raise CommandError(f"duration has the shape {np.shape(duration)}", rule=rule)
+    return MemberPlans({commands.input_of(name): each for name, each in rows.items()}, np.array(durations))
 
 
 def read_rows(given: Any, signal: CommandInput) -> EachSteps:  # noqa: ANN401
@@ -178,16 +185,9 @@ def _is_many(given: Any) -> bool:  # noqa: ANN401
         return given.ndim in (1, 3) and len(given) > 0
     if isinstance(given, str) or not isinstance(given, Sequence):
         return False
-    return len(given) > 0 and not all(_is_pair(one) for one in given)
-
-
-def _is_pair(given: object) -> bool:
-    """Return whether an entry is a pair of time and value."""
-    return (
-        isinstance(given, list | tuple | np.ndarray)
-        and len(given) == 2
-        and all(isinstance(one, str | Real) for one in given)
-    )
+    entries = [one if isinstance(one, list | tuple | np.ndarray) else () for one in given]
+    is_pair = [len(one) == 2 and all(isinstance(part, str | Real) for part in one) for one in entries]
+    return not all(is_pair)  # without entries, this is one command
 
 
 def _member(place: int, read: Any, *given: Any) -> Any:  # noqa: ANN401
@@ -195,14 +195,6 @@ def _member(place: int, read: Any, *given: Any) -> Any:  # noqa: ANN401
         if callable(given[0]):
             raise CommandError("the command must not be a function", remedy="Give its steps, (time, command).")
         return read(*given)
-
-
-def _durations(given: Any) -> Array:  # noqa: ANN401
-    if isinstance(given, str) or not np.ndim(given):
-        return np.array([positive(given, "s", "duration")])
-    if np.ndim(given) != 1 or not len(given):
-        raise CommandError(f"duration has the shape {np.shape(given)}", rule="one for all members, or one for each")
-    return np.array([positive(one, "s", f"duration of member {place}") for place, one in enumerate(given)])
 
 
 def parted_starts(given: Any) -> tuple[Any, dict[str, list[Any]]]:  # noqa: ANN401

@@ -116,20 +116,14 @@ def sensitivity(
     cube = sobol_points(n, len(rows.names), seed)
     study = replace(study, rows=Rows.table(rows.names, rows.quantiles(cube)))
     study.plans.check(study.rows.size)
-    values = _values(study, executor, Watch(progress, cancel))
-    return _labelled(study, sobol_indices(cube, values, seed=seed), about)
-
-
-def _values(study: EnsembleStudy, executor: Executor | None, watch: Watch) -> Array:
-    """Run all members and return their outputs, shape (members, outputs)."""
     study.rows.check(study.variation)
-    found = Members.of(study, results(study, None, None, executor, watch))
+    found = Members.of(study, results(study, None, None, executor, Watch(progress, cancel)))
     values = np.column_stack(found.values)
     lost = [one.name for one, column in zip(study.outputs, values.T, strict=True) if not np.isfinite(column).all()]
     if lost:
         members = f"{found.failed} of {study.rows.size} members failed; " if found.failed else ""
         warn(f"{members}some members have no {', '.join(lost)}: their points are left out")
-    return values
+    return _labelled(study, sobol_indices(cube, values, seed=seed), about)
 
 
 def _labelled(study: EnsembleStudy, found: Mapping[str, NDArray[Any]], about: Keyed) -> xr.Dataset:

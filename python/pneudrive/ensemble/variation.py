@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from contextlib import contextmanager
 from functools import cached_property, lru_cache
+from itertools import product
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 import numpy as np
@@ -125,14 +126,6 @@ class Variation:
         """Return the values of each number in the given rows in SI, by name."""
         return by_name(self.names, list(rows.T))
 
-    def start_said(self) -> dict[str, str]:
-        """Return the start state of all members as texts, including that of a circuit file.
-
-        Studies with the same text have the same start.
-        """
-        start = self.drive.core_initial(self.initial) if self.is_circuit else self.initial
-        return {key: str(value) for key, value in start.items()}
-
     def reader(self, name: str) -> QuantityReader:
         """Return the reader of quantities, such as ``"25 mm"``, for a varied number."""
         ambient = self.drive.ambient.pressure_pa
@@ -155,26 +148,6 @@ class Variation:
         }
         return self.drive.replace(changes) if changes else self.drive, start
 
-    def try_row(self, row: Array) -> None:
-        """Check a member by reading it.
-
-        Raises
-        ------
-        DescriptionError
-            The member is not valid.
-        """
-        drive, initial = self.single(row)
-        drive.core_json()
-        drive.core_initial(initial)
-
-    def coupled(self) -> Iterator[tuple[str, str]]:
-        """Yield the pairs of numbers of one drive or component of which the first must not exceed the second."""
-        for name in self.names:
-            for low, high in COUPLED:
-                other = name.removesuffix(low) + high
-                if f".{name}".endswith(f".{low}") and other in self.names:
-                    yield name, other
-
     def check(self, rows: Array, first: int = 0) -> None:
         """Reject invalid rows. Only extreme rows are checked. `first` is the index of the first row in the design.
 
@@ -185,10 +158,15 @@ class Variation:
         """
         columns = self.columns(rows)
         extremes = [*rows.argmin(axis=0), *rows.argmax(axis=0)]
-        extremes += [(columns[low] / columns[high]).argmax() for low, high in self.coupled()]
+        for name, (low, high) in product(columns, COUPLED):  # of one drive or component
+            other = name.removesuffix(low) + high
+            if f".{name}".endswith(f".{low}") and other in columns:
+                extremes.append((columns[name] / columns[other]).argmax())
         for place in sorted({int(extreme) for extreme in extremes}):
             try:
-                self.try_row(rows[place])
+                drive, initial = self.single(rows[place])
+                drive.core_json()
+                drive.core_initial(initial)
             except DescriptionError as error:  # noqa: PERF203 - reading a member takes longer
                 values = zip(self.numbers, rows[place], strict=True)
                 shown = ", ".join(f"{number.name} = {number.written(float(si))}" for number, si in values)
@@ -312,22 +290,6 @@ def _named(name: str) -> Iterator[None]:
         raise CommandError(f"vary: {name}: {error.what}", rule=error.rule, remedy=error.remedy) from None
     except (TypeError, ValueError) as error:
         raise CommandError(f"vary: {name}: {error}", remedy="Give a quantity, or a number in SI.") from None
-
-
-def check_lengths(columns: Columns) -> None:
-    """Reject columns of unequal lengths, or without rows.
-
-    Raises
-    ------
-    CommandError
-        The lengths differ, or there are no rows.
-    """
-    lengths = {name: len(column) for name, column in columns.items()}
-    if len(set(lengths.values())) > 1:
-        said = ", ".join(f"{name}: {length}" for name, length in lengths.items())
-        raise CommandError(f"the columns of vary have unequal lengths ({said})", rule="one value for each member")
-    if not all(lengths.values()):
-        raise CommandError("vary has no member", rule="at least one value of each number")
 
 
 # --- Simulation of members in the core. Only this module calls the core for ensembles.
