@@ -23,12 +23,12 @@ LITRES_PER_CUBIC_FOOT = 28.316847
 @pytest.mark.parametrize(("bore", "force"), FORCES.items())
 def test_forces_of_parker(bore: int, force: int):
     drive = pn.Drive.load("catalogue:parker-osp-p25-sy5000").replace({"cylinder.bore": f"{bore} mm"})
-    assert FIGURES["theoretical_force_6bar"].of(drive) == pytest.approx(force, abs=1.0)
+    assert FIGURES["theoretical_force_6bar"][2](drive) == pytest.approx(force, abs=1.0)
 
 
 @pytest.mark.parametrize(("name", "flow"), FLOWS.items())
 def test_flows_of_smc(name: str, flow: int):
-    found = FIGURES["nominal_flow"].of(pn.Drive.load(f"catalogue:{name}"))
+    found = FIGURES["nominal_flow"][2](pn.Drive.load(f"catalogue:{name}"))
     assert 6e4 * found == pytest.approx(flow, abs=1.0)
 
 

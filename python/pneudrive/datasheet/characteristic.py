@@ -11,6 +11,7 @@ import numpy as np
 
 from pneudrive.arrays import Keyed, Plain
 from pneudrive.documented import parts_of
+from pneudrive.errors import CommandError
 from pneudrive.lazy_names import upper
 
 if TYPE_CHECKING:
@@ -83,15 +84,29 @@ class Characteristic:
     needs_shares: bool = False
 
     def of(self, plant: HeldDrive, **settings: Any) -> xr.Dataset:  # noqa: ANN401 - of each characteristic its own
-        """Return the characteristic for one drive, without intervals."""
+        """Return the characteristic for one drive, without intervals.
+
+        A result has unit and meaning from the function if it states them, otherwise from its docstring.
+        """
         import xarray as xr
 
         upper("Pneu")  # registers `found.pneu`
-
+        if plant.actuation.is_switched and self.needs_shares:
+            valves = " and ".join(plant.actuation.held)
+            raise CommandError.of("datasheet.no_shares", name=plant.name, valves=valves, what=self.name)
+        plant = plant.static if self.held else plant
         known = {name: default for name, (default, _) in self.settings.items()} | settings
         found = self.find(plant, **settings)
         named = dict(zip(self.results, found, strict=True)) if isinstance(found, tuple) else found
-        values = {name: self._value(name, value, known) for name, value in named.items()}
+        values: dict[str, ResultValue] = {}
+        for name, value in named.items():
+            if isinstance(value, ResultValue):
+                values[name] = value
+                continue
+            form, meaning = self.results[name]
+            unit, _, over = form.partition(" over ")
+            dims = tuple(over.split(", ")) if over else (name,) if np.ndim(value) else ()
+            values[name] = ResultValue(dims, value, unit, meaning.format(**known))
         axes = {dim for value in values.values() for dim in value.dims}
         if "direction" in axes:
             values["direction"] = DIRECTIONS
@@ -111,15 +126,6 @@ class Characteristic:
         }
         results = {name: one for name, one in labelled.items() if name not in axes}
         return xr.Dataset(results, {name: one for name, one in labelled.items() if name in axes}, about)
-
-    def _value(self, name: str, value: Any, settings: Keyed) -> ResultValue:  # noqa: ANN401
-        """Return a result with unit and meaning, from the function if it states them, otherwise from its docstring."""
-        if isinstance(value, ResultValue):
-            return value
-        form, meaning = self.results[name]
-        unit, _, over = form.partition(" over ")
-        dims = tuple(over.split(", ")) if over else (name,) if np.ndim(value) else ()
-        return ResultValue(dims, value, unit, meaning.format(**settings))
 
 
 def characteristic(name: str, **more: Any) -> Callable[[Find], Characteristic]:  # noqa: ANN401

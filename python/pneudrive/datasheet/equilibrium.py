@@ -11,6 +11,7 @@ import numpy as np
 
 from pneudrive import units
 from pneudrive.datasheet.plant import HeldDrive
+from pneudrive.describe.system import short_name
 from pneudrive.errors import CommandError, PneudriveError, SimulationError, naming, warn
 from pneudrive.simulation.simulate import number_of
 from pneudrive.views import ShownValue, View, Viewed
@@ -185,10 +186,14 @@ class _SteadySearch:
         self.toward = math.copysign(1.0, command)
 
     def _rates(self, z: Array) -> Array:
-        gas = self._gas(z)
-        gas_rates, force = self.plant.rates(self.plant.session(self.command, self.plant.middle_m, z[-1], gas))
-        friction = self.plant.sliding(z[-1], self.plant.pressures(gas), self.plant.middle_m) if self.free else 0.0
-        return np.append(gas_rates, (force + self.load - friction) / self.plant.mass)
+        """Return the relative rates (1/s) of all pressures, then of all temperatures, and the acceleration."""
+        plant, gas = self.plant, self._gas(z)
+        linear = plant.session(self.command, plant.middle_m, z[-1], gas).linearise([])
+        names = (f"{node}.{quantity}" for quantity in ("pressure_pa", "temperature_k") for node in plant.nodes)
+        rows = list(map(linear.outputs.index, names))
+        friction = plant.sliding(z[-1], plant.pressures(gas), plant.middle_m) if self.free else 0.0
+        gas_rates = (linear.C @ linear.rates)[rows] / linear.output[rows]
+        return np.append(gas_rates, (plant.force(linear) + self.load - friction) / plant.mass)
 
     def _gas(self, z: Array) -> Array:
         return np.exp(z[:-1].reshape(2, -1).T)
@@ -205,6 +210,7 @@ class _SteadySearch:
         gas = np.tile([0.5 * (supply + ambient), temperature], (len(self.plant.nodes), 1))
         z = np.r_[np.log(gas).T.ravel(), velocity]
         lasting, step = FIRST_S, np.inf
+        longest = np.r_[np.repeat(LONGEST[:2], len(self.plant.nodes)), LONGEST[2]]
         found = self._rates(z)
         for _ in range(MOST_STEPS):
             rests = self.free and self.toward * z[-1] <= SLOWEST and self.toward * found[-1] <= 0.0
@@ -217,9 +223,24 @@ class _SteadySearch:
                     if np.max(np.abs(self._rates(beside)[:own] - found[:own])) < SETTLED:
                         raise SimulationError.of("datasheet.any_pressure", node=node, command=self.command)
                 return self._gas(z), 0.0 if rests else float(z[-1])
-            step, far = self._step(z, found, own, lasting)
-            share, found = self._damped(z, step, found, own)
-            lasting *= 1.0 if far else max(GROWTH * share, 1.0)
+            # An implicit Euler step, shortened if necessary.
+            slopes = np.empty((own, own))
+            for k in range(own):
+                beside = z.copy()
+                beside[k] += QUOTIENT
+                slopes[:, k] = (self._rates(beside)[:own] - found[:own]) / QUOTIENT
+            step = np.linalg.lstsq(np.eye(own) / lasting - slopes, found[:own], rcond=LEAST)[0]
+            over = float(np.max(np.abs(step) / longest[:own]))
+            step = np.asarray(step / max(1.0, over), dtype=float)
+            # The flow changes sharply near equal pressures, and full steps would jump over this region.
+            tried: list[tuple[float, float, Array]] = []
+            for share in SHORTER:
+                rates = self._rates(np.r_[z[:own] + share * step, z[own:]])
+                tried.append((float(np.max(np.abs(rates[:own]))), share, rates))
+                if share == 1.0 and tried[-1][0] < DAMPED * left:
+                    break
+            _, share, found = min(tried, key=lambda one: one[0])
+            lasting *= 1.0 if over > 1.0 else max(GROWTH * share, 1.0)
             z[:own] += share * step
             if np.max(z[: len(self.plant.nodes)]) > math.log(HIGHEST * supply):
                 break
@@ -227,32 +248,6 @@ class _SteadySearch:
                 z[-1] = self.toward * SLOWEST
                 found = self._rates(z)
         raise SimulationError.of("datasheet.no_state", command=self.command, velocity=float(z[-1]))
-
-    def _damped(self, z: Array, step: Array, found: Array, own: int) -> tuple[float, Array]:
-        """Return the fraction of a step to take, and the rates after it.
-
-        The flow changes sharply near equal pressures, and full steps would jump over this region.
-        """
-        tried: list[tuple[float, float, Array]] = []
-        for share in SHORTER:
-            rates = self._rates(np.r_[z[:own] + share * step, z[own:]])
-            tried.append((float(np.max(np.abs(rates[:own]))), share, rates))
-            if share == 1.0 and tried[-1][0] < DAMPED * np.max(np.abs(found[:own])):
-                break
-        return min(tried, key=lambda one: one[0])[1:]
-
-    def _step(self, z: Array, found: Array, own: int, lasting: float) -> tuple[Array, bool]:
-        """Return an implicit Euler step, and whether the step had to be shortened."""
-        slopes = np.empty((own, own))
-        for k in range(own):
-            beside = z.copy()
-            beside[k] += QUOTIENT
-            slopes[:, k] = (self._rates(beside)[:own] - found[:own]) / QUOTIENT
-        step = np.linalg.lstsq(np.eye(own) / lasting - slopes, found[:own], rcond=LEAST)[0]
-        count = len(self.plant.nodes)
-        longest = np.r_[np.repeat(LONGEST[:2], count), LONGEST[2]][:own]
-        over = float(np.max(np.abs(step) / longest))
-        return np.asarray(step / max(1.0, over), dtype=float), over > 1.0
 
 
 # --- Linear model of a drive from exact derivatives of the core.
@@ -328,8 +323,12 @@ def linearise(
         raise CommandError(f'opening = "{opening}" is not known', remedy='"+" or "-"')
     at = open_command(plant, command, OPENINGS[opening])
     found = linear_model(plant, at, x, gas_at(plant, pressures), friction)
-    short = {name: _short(name, plant) for name in (*found.states, *found.inputs, *found.outputs)}
-    keep = [k for k, name in enumerate(found.outputs) if short[name] in _SHOWN or name.endswith("pressure_pa")]
+    short = {}  # names without dots, as python-control requires
+    for name in (*found.states, *found.inputs, *found.outputs):
+        alone = short_name(name, plant.piston).replace(f"{plant.valve}.command", "command")
+        short[name] = alone.replace(".", "_")
+    motion = ("position_m", "velocity_m_s")
+    keep = [k for k, name in enumerate(found.outputs) if short[name] in motion or name.endswith("pressure_pa")]
     return control.StateSpace(
         *(found.A, found.B, found.C[keep], found.D[keep]),
         states=[short[name] for name in found.states],
@@ -353,16 +352,6 @@ def open_command(plant: HeldDrive, command: float, side: float = 1.0) -> float:
     return command or side * (edge + (SMALL if is_smooth else SIDE))
 
 
-_SHOWN = ("position_m", "velocity_m_s")
-
-
-def _short(name: str, plant: HeldDrive) -> str:
-    """Return a name without dots, as python-control requires."""
-    from pneudrive.describe.system import short_name
-
-    return short_name(name, plant.piston).replace(f"{plant.valve}.command", "command").replace(".", "_")
-
-
 def gas_at(plant: HeldDrive, pressures: Any = None) -> Array:  # noqa: ANN401 - one or two quantities
     """Return the gas of all nodes at the pressures of a and b and at ambient temperature. Its shape is (nodes, 2)."""
     if pressures is None:
@@ -371,7 +360,15 @@ def gas_at(plant: HeldDrive, pressures: Any = None) -> Array:  # noqa: ANN401 - 
     pair = pair * 2 if len(pair) == 1 else pair
     if len(pair) != 2:
         raise CommandError(f"pressures = {pressures!r}: give one or two", remedy='("3 bar abs", "2 bar abs")')
-    a, b = (_pressure(one, plant) for one in pair)
+    levels = []
+    for given in pair:
+        with naming("pressures", PneudriveError):
+            is_text = isinstance(given, str)
+            level = units.parse_pressure(given).absolute_pa(plant.ambient[0]) if is_text else float(given)
+        if not (math.isfinite(level) and level > 0.0):
+            raise CommandError(f"pressures: {given} is out of bounds", rule="absolute, greater than 0")
+        levels.append(level)
+    a, b = levels
     sides = {f"{plant.piston}.a": a, f"{plant.piston}.b": b}
     values = [sides.get(node, b if plant.is_at_b(node) else a) for node in plant.nodes]
     return np.array([(value, plant.ambient[1]) for value in values])
@@ -390,14 +387,6 @@ def moving_gas(plant: HeldDrive) -> Array:
         warn(f"{plant.name} does not move in +x: the operating point is at rest instead of in slow motion")
     gas[:, 1] = plant.ambient[1]
     return gas
-
-
-def _pressure(given: str | float, plant: HeldDrive) -> float:
-    with naming("pressures", PneudriveError):
-        value = units.parse_pressure(given).absolute_pa(plant.ambient[0]) if isinstance(given, str) else float(given)
-    if not (math.isfinite(value) and value > 0.0):
-        raise CommandError(f"pressures: {given} is out of bounds", rule="absolute, greater than 0")
-    return value
 
 
 def linear_model(

@@ -6,7 +6,7 @@ import math
 import tempfile
 from collections import defaultdict
 from dataclasses import dataclass, replace
-from itertools import pairwise
+from itertools import pairwise, product
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -49,12 +49,6 @@ RESTING = 0.02  # share of the samples at each end whose mean is a pressure at r
 STILL = 5e-4  # largest relative change of the pressure among them
 
 
-def is_of_tank(path: Path, layout: Path | None) -> bool:
-    """Return whether a file is a recording of a fixed volume, according to its layout."""
-    found = find_layout(path) if layout is None else Layout.load(layout)
-    return found is not None and found.kind == KIND
-
-
 def _air(drive: Drive, recording: VolumeRecording) -> Pair:
     """Return the air (l ANR) of a cycle from a recording of the tank, and from a simulation at the mean tank pressure.
 
@@ -65,7 +59,18 @@ def _air(drive: Drive, recording: VolumeRecording) -> Pair:
     """
     volume, half = _label(recording, "tank_volume", "m3"), _label(recording, "half_period", "s")
     cycles = _label(recording, "cycles", "")
-    before, after = _at_rest(recording)
+    count, ends = max(int(RESTING * recording.pressure_pa.size), 2), []
+    where = str(recording.source or recording.name)
+    for which, part in (("begins", recording.pressure_pa[:count]), ("ends", recording.pressure_pa[-count:])):
+        middle = count // 2
+        moved = abs(float(part[:middle].mean() - part[middle:].mean())) / float(part.mean())
+        if moved > STILL:
+            shares = {"moved": 100.0 * moved, "still": 100.0 * STILL, "resting": 100.0 * RESTING}
+            raise RecordingError.of("datasheet.not_at_rest", where=where, which=which, **shares)
+        ends.append(float(part.mean()))
+    before, after = ends
+    if after >= before:
+        raise RecordingError("the pressure of the tank does not fall", where=where, rule="the drive must empty it")
     room, density = drive.ambient.temperature_k, drive.gas.anr_density_kg_m3
     mass = volume * (before - after) / (cycles * drive.gas.gas_constant_j_kg_k * room)
     fed = HeldDrive(drive.replace({"supply.pressure": f"{0.5 * (before + after)!r} Pa abs"}))
@@ -84,22 +89,6 @@ def _label(recording: VolumeRecording, key: str, unit: str) -> float:
     if not 0.0 < value < np.inf:
         raise RecordingError.of("datasheet.label", where=where, name=key, text=text, example=example)
     return value
-
-
-def _at_rest(recording: VolumeRecording) -> Pair:
-    """Return the pressures at rest before and after the cycles."""
-    count = max(int(RESTING * recording.pressure_pa.size), 2)
-    where, found = str(recording.source or recording.name), []
-    for which, part in (("begins", recording.pressure_pa[:count]), ("ends", recording.pressure_pa[-count:])):
-        half = count // 2
-        moved = abs(float(part[:half].mean() - part[half:].mean())) / float(part.mean())
-        if moved > STILL:
-            shares = {"moved": 100.0 * moved, "still": 100.0 * STILL, "resting": 100.0 * RESTING}
-            raise RecordingError.of("datasheet.not_at_rest", where=where, which=which, **shares)
-        found.append(float(part.mean()))
-    if found[1] >= found[0]:
-        raise RecordingError("the pressure of the tank does not fall", where=where, rule="the drive must empty it")
-    return found[0], found[1]
 
 
 LEAST_WAY = 0.05  # of the stroke: a shorter motion is no stroke
@@ -212,7 +201,11 @@ def beside(drive: Drive, recordings: Sequence[Path], layout: Path | None, watch:
     RecordingError, LayoutError, CampaignError
         A recording cannot be used.
     """
-    of_tank = [path for path in recordings if not is_friction(path) and is_of_tank(path, layout)]
+    of_tank = []
+    for path in recordings:
+        if not is_friction(path):
+            found_layout = find_layout(path) if layout is None else Layout.load(layout)
+            of_tank += [path] if found_layout is not None and found_layout.kind == KIND else []
     others = [path for path in recordings if path not in of_tank]
     found = _of_drive(drive, others, layout, watch) if others else MeasuredBeside()
     if of_tank:
@@ -243,28 +236,24 @@ def _of_drive(drive: Drive, recordings: Sequence[Path], layout: Path | None, wat
         with tempfile.TemporaryDirectory() as folder:
             friction = validate_friction(drive, write_map(alone.friction_map, Path(folder) / "map.parquet"))
         return MeasuredBeside(friction=friction, synthetic=alone.synthetic)
-    numbers = tuple(_numbers(drive, validated.records))
-    responses = tuple(one for record in validated.records if (one := response_of(record)) is not None)
-    marked = all(SYNTHETIC in record.recording.labels for record in validated.records)
-    return MeasuredBeside(validated, numbers, responses, synthetic=validated.synthetic or marked)
-
-
-def _numbers(drive: Drive, records: Iterable[RecordResult]) -> Iterable[ComparedNumber]:
-    """Yield the numbers of strokes. Strokes with the same command count as repeats."""
+    # Strokes with the same command count as repeats.
     groups: dict[str, list[tuple[StrokeNumbers, StrokeNumbers]]] = defaultdict(list)
-    for record in records:
+    for record in validated.records:
         for command, seen, simulated in strokes_of(drive, record):
             groups[f"command {command:+.3g}"].append((seen, simulated))
-    for stroke, pairs in groups.items():
-        for name in COMPARED:
-            seen, told = (np.array([getattr(pair[side], name) for pair in pairs]) for side in (0, 1))
-            both = np.isfinite(seen) & np.isfinite(told)
-            unit = STROKE_MEANING[name][0]
-            if both.any():
-                yield _compared(stroke, name, seen[both], told[both], unit)
-            elif np.isfinite(seen).any():  # measured, and what the simulation does not do
-                mean = float(np.nanmean(seen))
-                yield ComparedNumber(stroke, name, unit, mean, math.nan, math.nan, seen.size, math.nan, False)
+    numbers = []
+    for (stroke, pairs), name in product(groups.items(), COMPARED):
+        measured, model = (np.array([getattr(pair[side], name) for pair in pairs]) for side in (0, 1))
+        both = np.isfinite(measured) & np.isfinite(model)
+        unit = STROKE_MEANING[name][0]
+        if both.any():
+            numbers.append(_compared(stroke, name, measured[both], model[both], unit))
+        elif np.isfinite(measured).any():  # measured, and what the simulation does not do
+            mean = float(np.nanmean(measured))
+            numbers.append(ComparedNumber(stroke, name, unit, mean, math.nan, math.nan, measured.size, math.nan, False))
+    responses = tuple(one for record in validated.records if (one := response_of(record)) is not None)
+    marked = all(SYNTHETIC in record.recording.labels for record in validated.records)
+    return MeasuredBeside(validated, tuple(numbers), responses, synthetic=validated.synthetic or marked)
 
 
 def _compared(stroke: str, name: str, seen: Array, told: Array, unit: str) -> ComparedNumber:

@@ -75,15 +75,6 @@ class Actuation:
         full = self.out if u >= 0.0 else self.back
         return {name: abs(u) * value for name, value in full.items()}
 
-    @property
-    def of_held(self) -> Actuation:
-        """Commands of the drive whose switching valves are replaced by proportional ones."""
-
-        def seen(commands: NamedNumbers) -> NamedNumbers:
-            return {name: self.held[name][value] if name in self.held else value for name, value in commands.items()}
-
-        return Actuation(seen(self.out), seen(self.back), has_shares=self.has_shares)
-
 
 def held_tables(circuit: Circuit) -> Plain:
     """Return the tables of a circuit after replacing its switching valves with proportional valves."""
@@ -144,18 +135,6 @@ def positions_of(kind: str, table: Keyed) -> dict[float, float]:
         return both | ({0.0: 0.0} if table.get("centre", "closed") == "closed" else {})
     on, off = (1.0, 0.0) if kind == "valve/switching-2/2" else (1.0, -1.0)
     return {0.0: on, 1.0: off} if table.get("normally") == "open" else {0.0: off, 1.0: on}
-
-
-def shut_up_to(valve: Any, side: float) -> tuple[float, bool]:  # noqa: ANN401 - a component
-    """Return the size of the command up to which a proportional valve is shut on a side, 1 or -1.
-
-    The second value states whether the flow begins there with zero slope, as with a smooth table.
-    """
-    core = valve.core(0.0)
-    points = core.get("points", ())
-    shut = (side * point[0] for point in points if not any(point[1::2]))
-    is_smooth = bool(len(points)) and core["choices"].get("flow_shape") == "smooth"
-    return max(core["numbers"].get("overlap", 0.0), 0.0, *shut), is_smooth
 
 
 RTOL = 1e-6  # of sessions that are not advanced
@@ -236,7 +215,11 @@ class HeldDrive:
         """The drive with proportional valves that hold the positions of its switching valves."""
         if not self.actuation.is_switched:
             return self
-        return HeldDrive(type(self.circuit).model_validate(held_tables(self.circuit)), actuation=self.actuation.of_held)
+        held = self.actuation.held
+        out = {name: held.get(name, {}).get(value, value) for name, value in self.actuation.out.items()}
+        back = {name: held.get(name, {}).get(value, value) for name, value in self.actuation.back.items()}
+        actuation = Actuation(out, back, has_shares=self.actuation.has_shares)
+        return HeldDrive(type(self.circuit).model_validate(held_tables(self.circuit)), actuation=actuation)
 
     def before(self, u: float) -> Pair:
         """Return the pressures (Pa) of chambers a and b before a stroke. They are steady under the opposite command."""
@@ -321,10 +304,20 @@ class HeldDrive:
         return True
 
     def edge(self, direction: float) -> tuple[float, bool]:
-        """Return the signal up to which a valve is shut in a direction, and whether its flow begins with zero slope."""
+        """Return the signal up to which a valve is shut in a direction, and whether its flow begins with zero slope.
+
+        The flow of a smooth table begins with zero slope.
+        """
         full = self.actuation.out if direction >= 0.0 else self.actuation.back
-        parts = {name: self.parts[name] for name, value in full.items() if value}
-        return max((shut_up_to(part, full[name]) for name, part in parts.items()), default=(0.0, False))
+        edges = [(0.0, False)]
+        for name, side in full.items():
+            if side:
+                core = self.parts[name].core(0.0)
+                points = core.get("points", ())
+                shut = (side * point[0] for point in points if not any(point[1::2]))
+                is_smooth = bool(len(points)) and core["choices"].get("flow_shape") == "smooth"
+                edges.append((max(core["numbers"].get("overlap", 0.0), 0.0, *shut), is_smooth))
+        return max(edges)
 
     def is_at_b(self, node: str) -> bool:
         """Return whether the gas of a node belongs to the line of chamber b."""
@@ -352,11 +345,6 @@ class HeldDrive:
         if not 0.0 <= position <= self.stroke_m:
             rule, remedy = f"0 to the stroke, {self.stroke_m:g} m", 'Write the unit: position = "150 mm".'
             raise CommandError(f"position = {position:g} m is out of bounds", rule=rule, remedy=remedy)
-
-    @property
-    def bore_m(self) -> float:
-        """Bore in m."""
-        return float(self.cylinder.bore)
 
     @property
     def hanging_n(self) -> float:
@@ -441,7 +429,6 @@ class HeldDrive:
         position: float,
         velocity: float = 0.0,
         gas: Array | None = None,
-        rtol: float = RTOL,
         lags: Mapping[str, float] | None = None,
     ) -> Session:
         """Return a session at a state; other components move at the velocity of the piston.
@@ -452,8 +439,6 @@ class HeldDrive:
             SI.
         gas : ndarray, optional
             Absolute pressure (Pa) and temperature (K) at `nodes`, with the shape (nodes, 2).
-        rtol : float
-            Relative tolerance of the solver.
         lags : mapping, optional
             Component -> distance behind the piston, in m; by default that of the start state.
         """
@@ -467,19 +452,12 @@ class HeldDrive:
             for node, (pressure, temperature) in zip(self.nodes, gas, strict=True):
                 start |= {f"{node}.pressure_pa": float(pressure), f"{node}.temperature_k": float(temperature)}
         try:
-            session = Session(self.core.start(start, rtol))
+            session = Session(self.core.start(start, RTOL))
         except (ValueError, RuntimeError) as error:
             raise CommandError(str(error)) from None
         for name, value in self.actuation.commands(command).items():
             session.set(f"{name}.command", value)
         return session
-
-    def rates(self, session: Session) -> tuple[Array, float]:
-        """Return the relative rates (1/s) of all pressures, then of all temperatures, and the force; see `force`."""
-        linear = session.linearise([])
-        names = (f"{node}.{quantity}" for quantity in ("pressure_pa", "temperature_k") for node in self.nodes)
-        rows = list(map(linear.outputs.index, names))
-        return (linear.C @ linear.rates)[rows] / linear.output[rows], self.force(linear)
 
     def force(self, linear: Linear) -> float:
         """Return the force (N) in +x on the piston and the slides that it moves, without friction."""
@@ -545,14 +523,7 @@ _known: dict[str, Actuation] = {}  # by the hash of a circuit's description
 
 
 def actuation_of(circuit: Circuit) -> Actuation:
-    """Return the commands by which the valves of a circuit move its piston; see `_search`."""
-    if circuit.description_hash not in _known:
-        _known[circuit.description_hash] = _search(circuit)
-    return _known[circuit.description_hash]
-
-
-def _search(circuit: Circuit) -> Actuation:
-    """Find the commands that cause the largest force on the fixed piston in each direction.
+    """Return the commands of the valves that cause the largest force on the fixed piston in each direction.
 
     If several choices cause nearly the same force, the one with the fewest commands is returned.
 
@@ -561,6 +532,8 @@ def _search(circuit: Circuit) -> Actuation:
     CommandError
         The circuit has another component with a command, too many valves, or valves that do not move the piston.
     """
+    if circuit.description_hash in _known:
+        return _known[circuit.description_hash]
     kinds = {name: circuit.components[name].kind for name in circuit.commandable}
     others = [name for name, kind in kinds.items() if not kind.startswith("valve/") and kind != LOCK]
     if others or len(kinds) > MOST_VALVES:
@@ -585,4 +558,5 @@ def _search(circuit: Circuit) -> Actuation:
     least, most = ends
     if not most[0] - least[0] > CLOSE * max(abs(most[0]), abs(least[0])):
         raise CommandError.of("datasheet.still", name=circuit.name, valves=", ".join(kinds))
-    return Actuation(most[1], least[1], bool(held), not held, held)
+    found = _known[circuit.description_hash] = Actuation(most[1], least[1], bool(held), not held, held)
+    return found

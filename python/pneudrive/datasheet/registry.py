@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import math
 from functools import cache, cached_property
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -31,53 +30,8 @@ if TYPE_CHECKING:
 SAID = "each value with an interval moved to both its ends; effects added with the correlations of the values"
 #: Interval bounds of the heat transfer factors in chambers and in tubes, relative to the law (docs: heat transfer).
 HEAT_SPREAD, TUBE_SPREAD = (0.5, 2.0), (1.0 / 1.4, 1.4)
-
-
-class Ends(NamedTuple):
-    """A value with an interval, its correlations, and the drive with this value at either bound."""
-
-    name: str
-    confidence: float
-    correlation: dict[str, float]
-    low: HeldDrive
-    high: HeldDrive
-
-
-def ends_of(drive: Any) -> tuple[list[Ends], list[str]]:  # noqa: ANN401 - a drive, or a circuit, which has none
-    """Return the drives at the bounds of each identified value, and the names of values with an open interval."""
-    origins: Plain = getattr(drive, "provenance", None) or {}
-    found, left_out = _ends_of_heat(drive, origins), []
-    known = values(drive) if origins else {}
-    for name, origin in origins.items():
-        mark = known[name].mark
-        low, high = origin.bounds_si(mark)
-        unit = getattr(mark, "si_unit", None)
-        if unit is None or not (math.isfinite(low) and math.isfinite(high)):
-            left_out.append(name)
-            continue
-        low_end, high_end = (
-            HeldDrive(drive.replace({name: units.UnitFloat(end, unit, mark.written) if unit else end}))  # type: ignore[union-attr]
-            for end in (low, high)
-        )
-        found.append(Ends(name, origin.confidence, origin.correlation, low_end, high_end))  # type: ignore[arg-type]
-    return found, left_out
-
-
-def _ends_of_heat(drive: Any, known: Any) -> list[Ends]:  # noqa: ANN401 - a drive or a circuit
-    """Return the drive at both bounds of the heat transfer factor, which is the same for all chambers.
-
-    Empty if no chamber follows the law of heat transfer with an assumed factor.
-    """
-    prefix, spreads = drive.key_prefix, {}
-    for name, one in drive.circuit.components.items():
-        key = f"{prefix}{name}.heat_transfer_scale"
-        is_given = one.has_heat_law and one.fields["heat_transfer_scale"] in one.model_fields_set
-        if one.has_heat_law and not is_given and key not in known and (prefix or name == PISTON):
-            spreads[key] = TUBE_SPREAD if one.kind.startswith("tube") else HEAT_SPREAD
-    if HEAT_SPREAD not in spreads.values():
-        return []
-    low, high = ({key: ends[side] for key, ends in spreads.items()} for side in (0, 1))
-    return [Ends("heat_transfer_scale", 0.95, {}, HeldDrive(drive.replace(low)), HeldDrive(drive.replace(high)))]
+#: Confidence of these bounds.
+HEAT_CONFIDENCE = 0.95
 
 
 class UncertainDrive:
@@ -90,11 +44,37 @@ class UncertainDrive:
 
     def __init__(self, drive: DriveOrCircuit) -> None:
         self.plant = HeldDrive(drive)
+        #: Identified value of a drive -> its interval and correlations; a circuit has none.
+        self.origins: Plain = getattr(drive, "provenance", None) or {}
 
     @cached_property
-    def ends(self) -> tuple[list[Ends], list[str]]:
-        """Variants, and names of values with an open interval; see `ends_of`."""
-        return ends_of(self.plant.described)
+    def variants(self) -> tuple[dict[str, list[HeldDrive]], list[str]]:
+        """The drive at both bounds of each uncertain value, by name, and the names of values with an open interval."""
+        drive: Any = self.plant.described
+        changes: dict[str, list[Plain]] = {}
+        # The assumed factor of heat transfer, which is the same for all chambers that follow the law.
+        prefix, spreads = drive.key_prefix, {}
+        for name, one in drive.circuit.components.items():
+            key = f"{prefix}{name}.heat_transfer_scale"
+            is_given = one.has_heat_law and one.fields["heat_transfer_scale"] in one.model_fields_set
+            if one.has_heat_law and not is_given and key not in self.origins and (prefix or name == PISTON):
+                spreads[key] = TUBE_SPREAD if one.kind.startswith("tube") else HEAT_SPREAD
+        if HEAT_SPREAD in spreads.values():
+            changes["heat_transfer_scale"] = [{key: ends[side] for key, ends in spreads.items()} for side in (0, 1)]
+        left_out = []
+        known = values(drive) if self.origins else {}
+        for name, origin in self.origins.items():
+            mark = known[name].mark
+            ends = origin.bounds_si(mark)
+            unit, written = getattr(mark, "si_unit", None), getattr(mark, "written", "")
+            if unit is None or not np.isfinite(ends).all():
+                left_out.append(name)
+                continue
+            changes[name] = [{name: units.UnitFloat(end, unit, written) if unit else end} for end in ends]
+        found = {}
+        for name, pair in changes.items():
+            found[name] = [HeldDrive(drive.replace(change)) for change in pair]
+        return found, left_out
 
     def characteristic(
         self,
@@ -108,67 +88,56 @@ class UncertainDrive:
         kind = characteristic_named(name)
         settings = {setting: _read_setting(kind, setting, value) for setting, value in settings.items()}
         watch.look()
-        plain = _compute(self.plant, kind, settings)
+        plain = kind.of(self.plant, **settings)
         if "frequencies" in kind.settings:  # those of the drive, also for its variants
             settings["frequencies"] = plain.frequency.to_numpy()
         if not intervals:
             return plain
-        ends, left_out = self.ends
+        variants, left_out = self.variants
         if left_out:
             plain.attrs["interval_left_out"] = left_out
-        if not ends:
+        if not variants:
             plain.attrs["interval"] = "none: no value of the drive has an interval"
             return plain
-        variants = ((one.low, one.high) for one in watch.each(ends, "values"))
-        return with_intervals(plain, ends, [[_compute(one, kind, settings) for one in pair] for pair in variants])
+        pairs = watch.each(list(variants.values()), "values")
+        return self._with_intervals(plain, [[kind.of(one, **settings) for one in pair] for pair in pairs])
 
+    def _with_intervals(self, plain: xr.Dataset, moved: Sequence[Sequence[xr.Dataset]]) -> xr.Dataset:
+        """Add the lower and upper bound of each result, as variables ``NAME_low`` and ``NAME_high``.
 
-def _compute(plant: HeldDrive, kind: Characteristic, settings: Plain) -> xr.Dataset:
-    """Return a characteristic of one variant, without intervals."""
-    if plant.actuation.is_switched and kind.needs_shares:
-        valves = " and ".join(plant.actuation.held)
-        raise CommandError.of("datasheet.no_shares", name=plant.name, valves=valves, what=kind.name)
-    return kind.of(plant.static if kind.held else plant, **settings)
+        Let d_i be the change of the result if value i is at a bound of its interval. Upward changes give the upper
+        bound of the result, downward changes the lower bound. Values with correlations r together change the result by
+        d:
 
+            d^2 = sum r_ij d_i d_j
 
-def with_intervals(plain: xr.Dataset, ends: Sequence[Ends], moved: Sequence[Sequence[xr.Dataset]]) -> xr.Dataset:
-    """Add the lower and upper bound of each result, as variables ``NAME_low`` and ``NAME_high``.
+        This is exact for results that are linear in the values.
 
-    Let d_i be the change of the result if value i is at a bound of its interval. Upward changes give the upper bound of
-    the result, downward changes the lower bound. Values with correlations r together change the result by d:
-
-        d^2 = sum r_ij d_i d_j
-
-    This is exact for results that are linear in the values.
-
-    Parameters
-    ----------
-    plain : xarray.Dataset
-    ends : sequence of Ends
-    moved : sequence of pairs of xarray.Dataset
-        Results with each value at its lower and at its upper bound.
-    """
-    shared = correlations(ends)
-    confidence = min(one.confidence for one in ends)
-    plain.attrs |= {"interval": SAID, "confidence": confidence, "interval_of": [one.name for one in ends]}
-    for name, value in list(plain.data_vars.items()):
-        away = np.array([[np.asarray(other[name]) - np.asarray(value) for other in pair] for pair in moved])
-        low, high = np.asarray(value) - together(-away, shared), np.asarray(value) + together(away, shared)
-        for end, bound, word in (("low", low, "lower"), ("high", high, "upper")):
-            meaning = f"{value.attrs['long_name']}, {word} end of the interval"
-            plain[f"{name}_{end}"] = (value.dims, bound, {"units": value.attrs["units"], "long_name": meaning})
-        plain[name].attrs |= {"interval": f"{name}_low, {name}_high", "confidence": confidence}
-    return plain
-
-
-def correlations(ends: Sequence[Ends]) -> Array:
-    """Return the matrix of correlations of identified values, with ones on its diagonal."""
-    found = np.eye(len(ends))
-    for i, one in enumerate(ends):
-        for j, other in enumerate(ends):
-            if other.name in one.correlation:
-                found[i, j] = found[j, i] = one.correlation[other.name]
-    return found
+        Parameters
+        ----------
+        plain : xarray.Dataset
+        moved : sequence of pairs of xarray.Dataset
+            Results with each of `variants` at its lower and at its upper bound.
+        """
+        names = list(self.variants[0])
+        shared, confidences = np.eye(len(names)), []
+        for i, name in enumerate(names):
+            origin = self.origins.get(name)
+            confidences.append(HEAT_CONFIDENCE if origin is None else origin.confidence)
+            for other, correlation in origin.correlation.items() if origin else ():
+                if other in names:
+                    j = names.index(other)
+                    shared[i, j] = shared[j, i] = correlation
+        confidence = min(confidences)
+        plain.attrs |= {"interval": SAID, "confidence": confidence, "interval_of": names}
+        for name, value in list(plain.data_vars.items()):
+            away = np.array([[np.asarray(other[name]) - np.asarray(value) for other in pair] for pair in moved])
+            low, high = np.asarray(value) - together(-away, shared), np.asarray(value) + together(away, shared)
+            for end, bound, word in (("low", low, "lower"), ("high", high, "upper")):
+                meaning = f"{value.attrs['long_name']}, {word} end of the interval"
+                plain[f"{name}_{end}"] = (value.dims, bound, {"units": value.attrs["units"], "long_name": meaning})
+            plain[name].attrs |= {"interval": f"{name}_low, {name}_high", "confidence": confidence}
+        return plain
 
 
 def together(away: Array, shared: Array) -> Array:

@@ -117,8 +117,35 @@ class Datasheet(Viewed):
 
     @cached_property
     def numbers(self) -> list[SheetNumber]:
-        """Headline numbers, and the stated service life."""
-        return [*_numbers(self.results), *_life(self.drive)]
+        """Headline numbers, and the service life that is stated for the drive or its parts."""
+        results, known = self.results, characteristics()
+        out = []
+        for name, headlines in package_table(__file__, "sheet.toml")["headlines"].items():
+            for title, result in headlines.items():
+                if name in results and result in results[name]:
+                    found = results[name]
+                    places = (dict(zip(found[result].dims, at, strict=True)) for at in np.ndindex(found[result].shape))
+                    first, *others = (shown(found, result, place) for place in places)
+                    out.append(SheetNumber(title, first, others[0] if others else "", known[name].standard))
+        for name, result in (("stiffness", "adiabatic_stiffness"), ("natural-frequency", "natural_frequency")):
+            if name in results:  # at mid stroke and at one of the pressures
+                found = results[name]
+                at = {"position": found.sizes["position"] // 2, "pressure": min(1, found.sizes["pressure"] - 1)}
+                bar = 1e-5 * float(found.pressure[at["pressure"]])
+                title = f"{in_words(result)}, mid stroke, {bar:g} bar abs"
+                out.append(SheetNumber(title, shown(found, result, at), "", ""))
+        if "flow" in results:
+            found = results["flow"]
+            for k, path in enumerate(found.path.to_numpy()):
+                c, b = (shown(found, name, {"path": k}) for name in ("conductance", "critical_ratio"))
+                out.append(SheetNumber(f"C and b, {path}", f"{c}, b = {b}", "", known["flow"].standard))
+        drive, lives = self.drive, []
+        if LIFE in drive.labels:
+            lives.append(("B10, stated: drive, by its label", f"{drive.labels[LIFE]} cycles"))
+        for part in parts_of(drive) if isinstance(drive, Drive) else ():
+            stated = (one for one in part.printed if one.key == LIFE)
+            lives += [(f"B10, stated: {part.name} [{one.source}]", f"{one.value} cycles") for one in stated]
+        return out + [SheetNumber(name, life, "", "ISO 19973") for name, life in lives or [("B10", "not stated")]]
 
     @property
     def values(self) -> list[DescribedValue]:
@@ -159,10 +186,12 @@ class Datasheet(Viewed):
             if "none" in (time.out, time.back):
                 lines.append(f"{stroke}: the piston does not go from end to end and back.")
             else:
-                half = shown(self.results["square-response"], "half_period", {})
-                lines.append(
-                    f"{stroke}: {time.out} out, {time.back} back in a periodic cycle of 2 x {half}{self._rest()}."
-                )
+                half, rest = shown(self.results["square-response"], "half_period", {}), ""
+                if "impact" in self.results:  # single strokes at full command
+                    places = ({"command": -1, "direction": k} for k in (0, 1))
+                    out, back = (shown(self.results["impact"], "stroke_time", place) for place in places)
+                    rest = f"; from rest {out} out, {back} back"
+                lines.append(f"{stroke}: {time.out} out, {time.back} back in a periodic cycle of 2 x {half}{rest}.")
         if "end energy" in at and "none" not in (at["end energy"].out, at["end energy"].back):
             energy, speed = at["end energy"], at["end speed"]
             lines.append(f"Impact: {energy.out} at {speed.out} out, {energy.back} at {speed.back} back.")
@@ -178,15 +207,7 @@ class Datasheet(Viewed):
         """Return hazards, leading numbers, tables and curves; see `pneudrive.report.datasheet.sheet_view`."""
         return upper("sheet_view")(self)
 
-    def _rest(self) -> str:
-        """Return the times of single strokes from rest at full command, in words."""
-        if "impact" not in self.results:
-            return ""
-        times = [shown(self.results["impact"], "stroke_time", {"command": -1, "direction": k}) for k in (0, 1)]
-        return f"; from rest {times[0]} out, {times[1]} back"
 
-
-_PATHS = ("conductance", "critical_ratio")
 #: Label of a drive, and printed figure of a part: number of cycles that 90 % of the units survive.
 LIFE = "b10_cycles"
 
@@ -231,9 +252,13 @@ def _hazards(plant: HeldDrive, results: dict[str, xr.Dataset]) -> Iterator[Findi
     if plant.hanging_n > locks and labels.get("held_by") != "machine":
         text = f"{HAZARD}without pressure, weight and load pull the piston with {plain(plant.hanging_n)} N, but"
         remedy = "A lock or a clamp must hold the load (ISO 4414)."
+        # The friction without pressure is known if what pressure adds is stated, and neither is assumed.
+        is_stated = bool(plant.frictions.get(plant.piston, {}).get("pressure"))
+        origins = plant.described.origin_of.items()
+        friction = [one for key, one in origins if "friction.coulomb" in key or "friction.pressure" in key]
         if plant.hanging_n > holds:
             yield Finding(f"{text} friction at rest and locks hold only {plain(holds)} N.", "bad", remedy)
-        elif not _is_friction_measured(plant):
+        elif not (is_stated and all(one.assumed is None for one in friction)):
             why = "no measurement says how much of it remains without pressure"
             yield Finding(f"{text} locks hold only {plain(locks)} N: the rest is friction, and {why}.", "open", remedy)
     limit = energy_limit_j(plant)
@@ -264,53 +289,7 @@ def energy_limit_j(plant: HeldDrive) -> float:
     stated = plant.described.labels.get("impact_energy")
     if stated is not None:
         return number_of(stated, "J", "labels.impact_energy")
-    return IMPACT_ENERGY_J_M2 * 0.25 * math.pi * plant.bore_m**2
-
-
-def _is_friction_measured(plant: HeldDrive) -> bool:
-    """Return whether the friction without pressure is known: what pressure adds is stated, and neither is assumed."""
-    known = plant.described.origin_of.items()
-    parts = [one for key, one in known if "friction.coulomb" in key or "friction.pressure" in key]
-    law = plant.frictions.get(plant.piston, {})
-    return bool(law.get("pressure")) and all(one.assumed is None for one in parts)
-
-
-def _numbers(results: dict[str, xr.Dataset]) -> list[SheetNumber]:
-    out = []
-    for name, headlines in package_table(__file__, "sheet.toml")["headlines"].items():
-        for title, result in headlines.items():
-            if name in results and result in results[name]:
-                found, standard = results[name], characteristics()[name].standard
-                places = (dict(zip(found[result].dims, at, strict=True)) for at in np.ndindex(found[result].shape))
-                first, *others = (shown(found, result, place) for place in places)
-                out.append(SheetNumber(title, first, others[0] if others else "", standard))
-    for name, result in (("stiffness", "adiabatic_stiffness"), ("natural-frequency", "natural_frequency")):
-        if name in results:  # at mid stroke and at one of the pressures
-            found = results[name]
-            at = {"position": found.sizes["position"] // 2, "pressure": min(1, found.sizes["pressure"] - 1)}
-            bar = 1e-5 * float(found.pressure[at["pressure"]])
-            title = f"{in_words(result)}, mid stroke, {bar:g} bar abs"
-            out.append(SheetNumber(title, shown(found, result, at), "", ""))
-    if "flow" in results:
-        found, standard = results["flow"], characteristics()["flow"].standard
-        for k, path in enumerate(found.path.to_numpy()):
-            c, b = (shown(found, name, {"path": k}) for name in _PATHS)
-            out.append(SheetNumber(f"C and b, {path}", f"{c}, b = {b}", "", standard))
-    return out
-
-
-def _life(drive: Drive | Circuit) -> list[SheetNumber]:
-    """Return the service life stated for the drive or its parts."""
-    stated: list[tuple[str, object]] = [("drive, by its label", drive.labels[LIFE])] if LIFE in drive.labels else []
-    stated += [
-        (f"{part.name} [{one.source}]", str(one.value))
-        for part in (parts_of(drive) if isinstance(drive, Drive) else ())
-        for one in part.printed
-        if one.key == LIFE
-    ]
-    return [SheetNumber(f"B10, stated: {name}", f"{value} cycles", "", "ISO 19973") for name, value in stated] or [
-        SheetNumber("B10", "not stated", "", "ISO 19973")
-    ]
+    return IMPACT_ENERGY_J_M2 * 0.25 * math.pi * float(plant.cylinder.bore) ** 2
 
 
 def shown(found: xr.Dataset, name: str, at: Mapping[Any, int]) -> str:

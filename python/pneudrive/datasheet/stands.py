@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -206,25 +206,20 @@ def _minimum(drive: Drive) -> float:
     return least_pressure(plant, 1.0) - plant.ambient[0]
 
 
-class SheetFigure(NamedTuple):
-    """A printed figure: SI unit (empty for a gauge pressure), calculation from the drive, meaning."""
-
-    unit: str
-    of: Callable[[Drive], float]
-    meaning: str
-
-
-FIGURES = {
-    "nominal_flow": SheetFigure("m^3/s ANR", _nominal_flow, "flow from 6 to 5 bar gauge, virtual test stand"),
-    "theoretical_force_6bar": SheetFigure(
-        "N", lambda drive: full_force(_at_6_bar(drive), 1.0)[0], "blocked force at 6 bar gauge"
+#: Printed figure -> its meaning, SI unit (empty for a gauge pressure), and calculation from the drive.
+FIGURES: dict[str, tuple[str, str, Callable[[Drive], float]]] = {
+    "nominal_flow": ("flow from 6 to 5 bar gauge, virtual test stand", "m^3/s ANR", _nominal_flow),
+    "theoretical_force_6bar": (
+        "blocked force at 6 bar gauge",
+        "N",
+        lambda drive: full_force(_at_6_bar(drive), 1.0)[0],
     ),
-    "effective_force_6bar": SheetFigure(
+    "effective_force_6bar": (
+        "blocked force minus friction at 50 mm/s, 6 bar gauge",
         "N",
         lambda drive: full_force(_at_6_bar(drive), 1.0, SLOW)[1],
-        "blocked force minus friction at 50 mm/s, 6 bar gauge",
     ),
-    "minimum_operating_pressure": SheetFigure("", _minimum, "minimum pressure, above ambient"),
+    "minimum_operating_pressure": ("minimum pressure, above ambient", "", _minimum),
 }
 
 
@@ -238,19 +233,16 @@ def parts_of(drive: Drive) -> Iterator[Entry]:
             continue
         if part.kind.partition("/")[2] != getattr(drive, table).kind:
             continue
-        pairs = ((own.get(_key(table, one.key)), one.value) for one in sourced)
+        keys = (one.key if one.key.startswith("friction.") else f"{table}.{one.key}" for one in sourced)
+        pairs = ((own.get(key), one.value) for key, one in zip(keys, sourced, strict=True))
         if all(value in (printed, str(printed).partition("/")[2]) for value, printed in pairs):
             yield part
-
-
-def _key(table: str, key: str) -> str:
-    return key if key.startswith("friction.") else f"{table}.{key}"
 
 
 @characteristic(
     "published",
     definition="Published figures of the parts of this drive, and the figures of the drive: "
-    + "; ".join(f"{key.replace('_', ' ')}: {one.meaning}" for key, one in FIGURES.items())
+    + "; ".join(f"{key.replace('_', ' ')}: {meaning}" for key, (meaning, *_) in FIGURES.items())
     + ".",
     algorithm="the characteristics of this list, under the conditions of the print",
 )
@@ -273,10 +265,10 @@ def _published(plant: HeldDrive) -> Found:
     for part in parts_of(drive) if isinstance(drive, Drive) else ():
         for figure in part.printed:
             if figure.key in FIGURES:
-                one, printed = FIGURES[figure.key], figure.value
+                (_, unit, compute), printed = FIGURES[figure.key], figure.value
                 title = f"{part.name}: {figure.key.replace('_', ' ')} {printed} [{figure.source}]"
-                value = units.parse(printed, one.unit) if one.unit else units.parse_pressure(printed).value_pa
-                rows.append((title, value, one.of(drive)))
+                value = units.parse(printed, unit) if unit else units.parse_pressure(printed).value_pa
+                rows.append((title, value, compute(drive)))
     if not rows:
         raise CommandError(f"{plant.name} has no part of the catalogue with a printed figure")
     titles, printed, computed = zip(*rows, strict=True)

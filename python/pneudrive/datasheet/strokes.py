@@ -184,10 +184,16 @@ def stroke_numbers(
     if arrived and math.isnan(contact):
         contact = first_passage(t, s, min(room, float(s.max())), rate)
         before = max(int(np.searchsorted(t, contact)) - 1, 0)
-        speed = _approach(t, s, contact) if rate is None else float(rate[before])
+        if rate is not None:
+            speed = float(rate[before])
+        else:  # the slope of a straight line through the last samples before the contact
+            last = int(np.searchsorted(t, contact))
+            own = slice(max(last - LAST_SAMPLES, 0), last)
+            speed = straight_line(t[own], s[own])[0] if last > 1 else math.nan
     done = {share: first_passage(t, s, share * way, rate) for share in (DEPARTED, RISEN_FROM, RISEN_TO, NEARLY)}
     lasting = (contact if contact == contact else done[NEARLY]) - begin_s
     outside = np.flatnonzero(np.abs(s - s[-1]) > BAND * way)
+    peaks = [float(np.max(part.get(name, math.nan))) for name in ("pressure_a_pa", "pressure_b_pa")]
     return StrokeNumbers(
         direction=direction,
         stroke_time=contact - begin_s,
@@ -201,8 +207,8 @@ def stroke_numbers(
         top_speed=float(np.max(np.gradient(s, t) if rate is None else rate)),
         end_speed=speed,
         end_energy=0.5 * mass_kg * speed**2,
-        peak_pressure_a=_peak(part.get("pressure_a_pa")),
-        peak_pressure_b=_peak(part.get("pressure_b_pa")),
+        peak_pressure_a=peaks[0],
+        peak_pressure_b=peaks[1],
     )
 
 
@@ -225,17 +231,6 @@ def _samples(columns: Keyed, begin_s: float, end_s: float) -> Columns:
         t, x, v = (every[name][k - 1 : k + 1] for name in ("time_s", "position_m", "velocity_m_s"))
         first["position_m"] = CubicHermiteSpline(t, x, v)(begin_s)
     return {name: np.r_[first[name], values] for name, values in part.items()}
-
-
-def _peak(values: Array | None) -> float:
-    return math.nan if values is None else float(np.max(values))
-
-
-def _approach(t: Array, s: Array, when: float) -> float:
-    """Return the slope of a straight line through the last samples before a time."""
-    last = int(np.searchsorted(t, when))
-    part = slice(max(last - LAST_SAMPLES, 0), last)
-    return straight_line(t[part], s[part])[0] if last > 1 else math.nan
 
 
 def first_passage(t: Array, x: Array, level: float, rate: Array | None = None) -> float:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
@@ -14,15 +13,17 @@ from pneudrive.datasheet.characteristic import Found, characteristic
 from pneudrive.datasheet.characteristics.response import cycle, simulate_plant, square, start_of
 from pneudrive.datasheet.strokes import litres_anr
 from pneudrive.describe.system import compiled
-from pneudrive.errors import PneudriveWarning, warn
+from pneudrive.ensemble.outputs import Reduction, member_plans
+from pneudrive.ensemble.variation import CoreMembers, run_members
+from pneudrive.errors import warn
 from pneudrive.progress import Flag, Watch
 from pneudrive.simulation.simulate import run
 from pneudrive.views import ShownValue, View, Viewed
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Sequence
 
-    from pneudrive.arrays import NamedNumbers, Pair
+    from pneudrive.arrays import Array, NamedNumbers, Pair
     from pneudrive.datasheet.plant import HeldDrive
     from pneudrive.describe import Circuit
     from pneudrive.simulation.command import Commands
@@ -56,9 +57,8 @@ def drawn_mass(plant: HeldDrive, half_s: float) -> float:
     if f"{plant.piston}.b" in plant.nodes:
         start[f"{plant.piston}.b"] = f"{plant.before(1.0)[1]!r} Pa abs"
     reservoir = plant.supply.removesuffix(".pressure_pa")
-    as_it_is = {f"{plant.piston}.stroke": [f"{plant.stroke_m!r} m"] * 2}
     ends_s = [2 * REPEATS * half_s, (2 * REPEATS + 2) * half_s]
-    (found,) = _supplied(plant.circuit, plans, ends_s, as_it_is, [reservoir], initial=start, rtol=RTOL)
+    (found,) = _supplied(plant.circuit, plans, ends_s, [reservoir], initial=start, rtol=RTOL)
     return np.diff(np.abs(found)).item()
 
 
@@ -66,18 +66,17 @@ def _supplied(
     circuit: Circuit,
     plans: Commands,
     duration: Any,  # noqa: ANN401 - of one run, or of each
-    vary: Mapping[str, Sequence[str]],
     reservoirs: Sequence[str],
-    **options: Any,  # noqa: ANN401 - of `simulate_many`
-) -> list[np.ndarray]:
+    *,
+    initial: Any,  # noqa: ANN401 - a start state of the circuit
+    rtol: float,
+    cancel: Flag | None = None,
+) -> list[Array]:
     """Return the mass (kg) that each reservoir supplies in each run: the integral of its flow over time."""
-    from pneudrive.ensemble.many import simulate_many
-
-    outputs = [f"air_{number} = integral({name}.mass_flow)" for number, name in enumerate(reservoirs)]
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", PneudriveWarning)
-        found = simulate_many(circuit, plans, duration, vary=vary, outputs=outputs, **options)
-    return [found[f"air_{number}"].to_numpy() for number in range(len(reservoirs))]
+    watch, commands = Watch(cancel=cancel), member_plans(plans, duration, circuit.commandable)
+    runs = CoreMembers([], np.empty((len(commands.durations), 0)), dict(circuit.core_initial(initial)))
+    flows = [Reduction("integral", (f"{name}.mass_flow_kg_s",), name, "kg", "") for name in reservoirs]
+    return run_members(circuit.system, runs, commands, rtol, flows, look=lambda _: watch.look())[0]
 
 
 def _entering(plant: HeldDrive, pressure: float, temperature: float) -> Pair:
@@ -103,13 +102,6 @@ def _entering(plant: HeldDrive, pressure: float, temperature: float) -> Pair:
     accounts = (found or {})["accounts"]
     mass, enthalpy, entropy = (_sum(accounts, ending) for ending in _BOUNDARY)
     return enthalpy / mass, entropy / mass
-
-
-def _accounts(plant: HeldDrive, half_s: float, repeats: int) -> NamedNumbers:
-    """Return the accounts of energy and entropy of some cycles, integrated along the solver's steps."""
-    plans, start = plant.plans(square(half_s, repeats)), start_of(plant, 0.0, plant.before(1.0))
-    options = {"initial": start, "ledger": True, "rtol": RTOL}
-    return simulate_plant(plant, plans, 2 * repeats * half_s, 1.0 / half_s, **options).attrs["ledger"]["accounts"]
 
 
 def _sum(accounts: NamedNumbers, ending: str) -> float:
@@ -200,8 +192,14 @@ def _exergy(plant: HeldDrive) -> Found:
         half of the period of the cycle
     """
     half_period = full_half_s(plant)
-    many, few = (_accounts(plant, half_period, count) for count in (REPEATS + 1, REPEATS))  # less: the last cycle
-    found = {name: value - few[name] for name, value in many.items()}
+    options = {"initial": start_of(plant, 0.0, plant.before(1.0)), "ledger": True, "rtol": RTOL}
+    runs = []  # integrated along the solver's steps
+    for count in (REPEATS + 1, REPEATS):
+        plans, duration = plant.plans(square(half_period, count)), 2 * count * half_period
+        run_of = simulate_plant(plant, plans, duration, 1.0 / half_period, **options)
+        runs.append(run_of.attrs["ledger"]["accounts"])
+    many, few = runs
+    found = {name: value - few[name] for name, value in many.items()}  # the last cycle
     t_0 = plant.ambient[1]
     supply_k = plant.session(1.0, plant.middle_m).read(plant.supply.replace("pressure_pa", "temperature_k"))
     (h, s), (h_0, s_0) = (_entering(plant, *gas) for gas in ((plant.supply_pa, supply_k), plant.ambient))
@@ -306,8 +304,7 @@ def energy_balance(
     lost = losses(ledger["accounts"], float(circuit.ambient.temperature_k))
     supplies = [name for name, one in circuit.components.items() if one.kind == "reservoir"]
     commands: Any = dict.fromkeys(circuit.commandable, command) if drive.system.names else command
-    as_it_is = {f"{name}.pressure": [circuit.components[name].plain()["pressure"]] for name in supplies[:1]}
     options = {"initial": drive.circuit_values(initial), "rtol": rtol, "cancel": cancel}
-    masses = _supplied(circuit, commands, duration, as_it_is, supplies, **options) if supplies else []
+    masses = _supplied(circuit, commands, duration, supplies, **options) if supplies else []
     air = {name: float(mass[0]) for name, mass in zip(supplies, masses, strict=True)}
     return EnergyBalance(accounts, ledger["energy_error"], lost, air, circuit.gas.anr_density_kg_m3)

@@ -157,7 +157,26 @@ def _describing(plant: HeldDrive, amplitudes: Any = AMPLITUDES, frequencies: Any
     distortion : 1 over amplitude, frequency
         root of the sum of squares of harmonics 2 to 10, divided by the first one
     """
-    return _over_grid(amplitudes, frequencies, lambda a, f: _harmonics(plant, a, f))
+    start = start_of(plant, plant.middle_m, plant.pressures(gas_at(plant)))
+
+    def harmonics(amplitude: float, frequency: float) -> tuple[float, float, float]:
+        rate, periods = STEPS * frequency, SETTLING + COUNTED
+
+        def sine(t: float) -> float:  # held from a step to the next: the value at its middle
+            return amplitude * math.sin(2.0 * math.pi * frequency * (t + 0.5 / rate))
+
+        try:
+            plans = {name: lambda t, size=size: size * sine(t) for name, size in plant.actuation.out.items()}
+            run = simulate_plant(plant, plans, periods / frequency, rate, initial=start)
+        except SimulationError:
+            return NOTHING
+        columns = short_columns(plant, run)
+        last = slice(SETTLING * STEPS, periods * STEPS)
+        if np.abs(columns["end_stop_force_n"][last]).max() > 0.0:
+            return NOTHING
+        return _over_sine(columns["velocity_m_s"][last], amplitude)
+
+    return _over_grid(amplitudes, frequencies, harmonics)
 
 
 def _over_grid(
@@ -168,26 +187,6 @@ def _over_grid(
     axes = [[positive(one, "", name) for one in values] for name, values in named]
     found = np.array([[find(a, f) for f in axes[1]] for a in axes[0]])
     return *axes, *np.moveaxis(found, 2, 0)
-
-
-def _harmonics(plant: HeldDrive, amplitude: float, frequency: float) -> tuple[float, float, float]:
-    """Return gain, phase and distortion of the velocity. NaN if the piston reaches an end."""
-    rate, periods = STEPS * frequency, SETTLING + COUNTED
-
-    def sine(t: float) -> float:  # held from a step to the next: the value at its middle
-        return amplitude * math.sin(2.0 * math.pi * frequency * (t + 0.5 / rate))
-
-    start = start_of(plant, plant.middle_m, plant.pressures(gas_at(plant)))
-    try:
-        plans = {name: lambda t, size=size: size * sine(t) for name, size in plant.actuation.out.items()}
-        run = simulate_plant(plant, plans, periods / frequency, rate, initial=start)
-    except SimulationError:
-        return NOTHING
-    columns = short_columns(plant, run)
-    last = slice(SETTLING * STEPS, periods * STEPS)
-    if np.abs(columns["end_stop_force_n"][last]).max() > 0.0:
-        return NOTHING
-    return _over_sine(columns["velocity_m_s"][last], amplitude)
 
 
 def _over_sine(values: Array, amplitude: float) -> tuple[float, float, float]:
@@ -243,31 +242,22 @@ def _load_describing(
         most = min(abs(full_force(plant, direction)[0]) for direction in (1.0, -1.0))
         amplitudes = [share * most for share in LOADS]
     gas = gas_at(plant, pressures)
-    return _over_grid(amplitudes, frequencies, lambda a, f: _load_harmonics(plant, a, f, gas))
 
+    def harmonics(amplitude: float, frequency: float) -> tuple[float, float, float]:
+        rate, periods = STEPS * frequency, SETTLING + COUNTED
+        session = plant.session(0.0, plant.middle_m, 0.0, gas)
+        sine = amplitude * np.sin(2.0 * math.pi * (np.arange(periods * STEPS) + 0.5) / STEPS)  # held from step to step
+        session.schedule(plant.load, [(k / rate, float(force)) for k, force in enumerate(sine)])
+        session.advance(SETTLING / frequency)
+        positions = []
+        for k in range(COUNTED * STEPS):
+            session.advance((SETTLING * STEPS + k) / rate)
+            positions.append(session.read(f"{plant.piston}.position_m"))
+        if min(positions) <= 0.0 or max(positions) >= plant.stroke_m:
+            return NOTHING
+        return _over_sine(np.array(positions), amplitude)
 
-def _load_harmonics(
-    plant: HeldDrive,
-    amplitude: float,
-    frequency: float,
-    gas: Array,
-) -> tuple[float, float, float]:
-    """Return gain, phase and distortion of the position under a load, with the valve at command 0.
-
-    NaN if the piston reaches an end.
-    """
-    rate, periods = STEPS * frequency, SETTLING + COUNTED
-    session = plant.session(0.0, plant.middle_m, 0.0, gas)
-    sine = amplitude * np.sin(2.0 * math.pi * (np.arange(periods * STEPS) + 0.5) / STEPS)  # held from step to step
-    session.schedule(plant.load, [(k / rate, float(force)) for k, force in enumerate(sine)])
-    session.advance(SETTLING / frequency)
-    positions = []
-    for k in range(COUNTED * STEPS):
-        session.advance((SETTLING * STEPS + k) / rate)
-        positions.append(session.read(f"{plant.piston}.position_m"))
-    if min(positions) <= 0.0 or max(positions) >= plant.stroke_m:
-        return NOTHING
-    return _over_sine(np.array(positions), amplitude)
+    return _over_grid(amplitudes, frequencies, harmonics)
 
 
 # --- Importance of the numbers of a drive: relative sensitivities of its characteristics.
@@ -285,14 +275,6 @@ def moved(drive: Drive, name: str, factor: float) -> Drive:
     unit = given.mark.si_unit if given.mark is not None else ""
     value = factor * given.si
     return drive.replace({name: units.UnitFloat(value, unit, given.mark.written) if unit else value})  # type: ignore[union-attr]
-
-
-def _of(plant: HeldDrive) -> list[float]:
-    """Return steady speed, stall force, natural frequency, stroke time and end speed of one drive."""
-    spring = adiabatic_stiffness(plant.static, plant.middle_m, "3 bar abs")
-    stroke = run_strokes(plant, [1.0], 0.0, plant.before(1.0)).strokes[0]
-    speed, stall = steady_state(plant.static, 1.0, 0.0).velocity_m_s, full_force(plant.static, 1.0)[1]
-    return [speed, stall, math.sqrt(spring / plant.mass) / (2.0 * math.pi), stroke.stroke_time, stroke.end_speed]
 
 
 @characteristic(
@@ -337,13 +319,20 @@ def _tornado(plant: HeldDrive, numbers: Any = None) -> Found:  # noqa: ANN401 - 
     for name in known if numbers is None else numbers:
         if known[name].si == 0.0:
             continue
+        ends = []
         try:
-            low, high = (_of(HeldDrive(moved(drive, name, 1.0 + sign * SHARE))) for sign in (-1.0, 1.0))
+            for sign in (-1.0, 1.0):
+                other = HeldDrive(moved(drive, name, 1.0 + sign * SHARE))
+                spring = adiabatic_stiffness(other.static, other.middle_m, "3 bar abs")
+                stroke = run_strokes(other, [1.0], 0.0, other.before(1.0)).strokes[0]
+                speed, (_, stall) = steady_state(other.static, 1.0, 0.0).velocity_m_s, full_force(other.static, 1.0)
+                natural = math.sqrt(spring / other.mass) / (2.0 * math.pi)
+                ends.append((speed, stall, natural, stroke.stroke_time, stroke.end_speed))
         except PneudriveError:  # at a bound, or tied to another number
             continue
         width = math.log1p(SHARE) - math.log1p(-SHARE)
         names.append(name)
-        rows.append([math.log(after / before) / width for before, after in zip(low, high, strict=True)])
+        rows.append([math.log(after / before) / width for before, after in zip(*ends, strict=True)])
     table = np.array(rows)
     order = np.argsort(-np.nanmax(np.abs(table), axis=1))
     return [names[k] for k in order], *table[order].T

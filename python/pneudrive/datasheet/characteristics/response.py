@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 import warnings
 from functools import lru_cache
-from itertools import pairwise
+from itertools import pairwise, product
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from pneudrive.arrays import ArrayPair, Columns, Pair, Plain, rows_of
+from pneudrive.arrays import Columns, Pair, Plain, rows_of
 from pneudrive.datasheet.characteristic import Found, ResultValue, characteristic
 from pneudrive.datasheet.equilibrium import gas_at, moving_gas, steady_state
 from pneudrive.datasheet.strokes import STROKE_MEANING, StrokeNumbers, first_passage, stroke_numbers
@@ -241,32 +241,17 @@ def _impact(plant: HeldDrive) -> Found:
     """
     commands = plant.sizes(COMMANDS)
     rows = []
-    for command in commands:
-        motions = [
-            run_strokes(plant, [way * command], start, plant.before(way), ledger=True)
-            for way, start in ((1.0, 0.0), (-1.0, plant.stroke_m))
-        ]
-        rows.append(
-            [
-                (one.end_speed, one.end_energy, *_hit(motion), one.mean_speed, one.stroke_time)
-                for motion in motions
-                for one in motion.strokes
-            ]
-        )
-    speed, *others, mean, time = np.moveaxis(np.array(rows), 2, 0)
+    for command, (way, end) in product(commands, ((1.0, "b"), (-1.0, "a"))):
+        start = 0.0 if way > 0.0 else plant.stroke_m
+        motion = run_strokes(plant, [way * command], start, plant.before(way), ledger=True)
+        (one,) = motion.strokes
+        first = next((hit for hit in motion.attrs["impacts"] if hit["end"] == end), {})
+        contact = first.get("peak_force_n", math.nan), first.get("depth_m", math.nan)
+        taken = -sum(v for name, v in motion.attrs["ledger"]["accounts"].items() if name.endswith("damper heat [J]"))
+        absorbed = taken if motion.arrived() else math.nan
+        rows.append((one.end_speed, one.end_energy, absorbed, *contact, one.mean_speed, one.stroke_time))
+    speed, *others, mean, time = np.array(rows).reshape(len(commands), 2, -1).transpose(2, 0, 1)
     return commands, speed, *others, mean, time, speed / mean
-
-
-def _hit(motion: StrokeRun) -> tuple[float, float, float]:
-    """Return the energy (J) that the end stop absorbs in a stroke, and force and depth of the first contact.
-
-    NaN without a contact.
-    """
-    end = "b" if motion.strokes[0].direction > 0 else "a"
-    hit = next((one for one in motion.attrs["impacts"] if one["end"] == end), {})
-    taken = -sum(v for name, v in motion.attrs["ledger"]["accounts"].items() if name.endswith("damper heat [J]"))
-    absorbed = taken if motion.arrived() else math.nan
-    return absorbed, hit.get("peak_force_n", math.nan), hit.get("depth_m", math.nan)
 
 
 # --- Capacity of a cushion: end speed and peak pressure over mass and speed, and over the opening of its needle.
@@ -317,8 +302,19 @@ def _cushion(plant: HeldDrive, end_speed: float = END_SPEED) -> Found:
         raise CommandError(f"{plant.piston} has no cushion", remedy='Add cushion_b = { length = "17 mm", ... }.')
     most = PRESSURE_SHARE * plant.supply_pa
     masses, speeds = [share * plant.mass for share in MASSES], list(SPEEDS)
-    grid = np.array([[_end(_with_mass(plant, share), side, v) for v in speeds] for share in MASSES])
-    needles = np.array([_end(_with_needle(plant, side, share), side, 1.0) for share in NEEDLES])
+    heavier = []  # the masses of piston, loads and slides multiplied by a factor
+    for share in MASSES:
+        own = {}
+        for name, part in plant.parts.items():
+            key = "moving_mass" if name == plant.piston else "mass"
+            if hasattr(part, key):
+                own[name] = plant.table(name) | {key: f"{share * getattr(part, key)!r} kg"}
+        heavier.append(plant.varied(own))
+    grid = np.array([[_end(one, side, v) for v in speeds] for one in heavier])
+    key = f"cushion_{side}_needle_conductance"
+    described = getattr(plant.parts[plant.piston], f"{key}_m3_s_pa")
+    opened = (plant.varied({plant.piston: table | {key: f"{share * described!r} m3/(s Pa)"}}) for share in NEEDLES)
+    needles = np.array([_end(one, side, 1.0) for one in opened])
     best = np.argsort(needles[:, 0])[0]  # speeds of a piston that does not arrive are last
     over = ("mass", "speed")
     allowed = (grid[:, :, 0] <= end_speed) & (grid[:, :, 1] <= most)
@@ -334,23 +330,6 @@ def _cushion(plant: HeldDrive, end_speed: float = END_SPEED) -> Found:
         "end_speed_by_needle": needles[:, 0],
         "best_needle": math.nan if math.isnan(needles[best, 0]) else NEEDLES[best],
     }
-
-
-def _with_mass(plant: HeldDrive, share: float) -> HeldDrive:
-    """Return the drive with the masses of piston, loads and slides multiplied by a factor."""
-    own = {}
-    for name, part in plant.parts.items():
-        key = "moving_mass" if name == plant.piston else "mass"
-        if hasattr(part, key):
-            own[name] = plant.table(name) | {key: f"{share * getattr(part, key)!r} kg"}
-    return plant.varied(own)
-
-
-def _with_needle(plant: HeldDrive, side: str, share: float) -> HeldDrive:
-    """Return the drive with the needle of a cushion opened by a factor."""
-    key = f"cushion_{side}_needle_conductance"
-    si = getattr(plant.parts[plant.piston], f"{key}_m3_s_pa")
-    return plant.varied({plant.piston: plant.table(plant.piston) | {key: f"{share * si!r} m3/(s Pa)"}})
 
 
 def _end(plant: HeldDrive, side: str, speed: float) -> Pair:
@@ -403,17 +382,6 @@ def _times(plant: HeldDrive) -> Found:
     table = plant.table(plant.valve)
     if "time_on" not in table:
         raise CommandError.of("datasheet.no_times", valve=plant.valve, kind_of_valve=table["kind"])
-    time, pressure = _run(plant, table)
-    on, off = time < REST_S, time >= REST_S
-    rise, fall = pressure[on], pressure[off]
-    up = first_passage(time[on], rise, rise[0] + SHARE * (rise[-1] - rise[0]))
-    down = first_passage(time[off], -fall, -fall[0] + SHARE * (fall[0] - fall[-1])) - REST_S
-    shown = np.unique(np.r_[np.linspace(0, time.size - 1, 800).astype(int)])
-    return time[shown], pressure[shown], up, down
-
-
-def _run(plant: HeldDrive, table: Plain) -> ArrayPair:
-    """Command the valve on and off; return times and the pressure of a volume at its working port."""
     ports = [port["name"] for port in plant.parts[plant.valve].entry["ports"]]
     outlet = "4" if "4" in ports else "2"
     other = [f"valve.{port}" for port in ports if port in ("2", "4") and port != outlet]
@@ -431,4 +399,10 @@ def _run(plant: HeldDrive, table: Plain) -> ArrayPair:
         }
     )
     run = circuit.simulate({"valve": f"0 s: 1, {REST_S} s: 0"}, 2.0 * REST_S, sample_rate=SWITCHING_RATE_HZ)
-    return run.time.to_numpy(), run["volume.pressure"].to_numpy()
+    time, pressure = run.time.to_numpy(), run["volume.pressure"].to_numpy()
+    on, off = time < REST_S, time >= REST_S
+    rise, fall = pressure[on], pressure[off]
+    up = first_passage(time[on], rise, rise[0] + SHARE * (rise[-1] - rise[0]))
+    down = first_passage(time[off], -fall, -fall[0] + SHARE * (fall[0] - fall[-1])) - REST_S
+    shown = np.unique(np.r_[np.linspace(0, time.size - 1, 800).astype(int)])
+    return time[shown], pressure[shown], up, down

@@ -226,8 +226,8 @@ def dynamic_stiffness(plant: HeldDrive, linear: Linear, s: complex) -> complex:
     return complex(-(masses @ (moved[v] + a[np.ix_(v, rest)] @ follows)))
 
 
-def _at(plant: HeldDrive, position: float, pressures: Any) -> Linear:  # noqa: ANN401 - one or two
-    return linear_model(plant, SIDE, position, gas_at(plant, pressures))
+def _at(plant: HeldDrive, position: float, pressures: Any, friction: str = "none") -> Linear:  # noqa: ANN401 - one or two
+    return linear_model(plant, SIDE, position, gas_at(plant, pressures), friction)
 
 
 def adiabatic_stiffness(plant: HeldDrive, position: float, pressures: Any, times: float = 1.0) -> float:  # noqa: ANN401
@@ -358,15 +358,13 @@ def _frequency(plant: HeldDrive, pressures: Any = None) -> Found:  # noqa: ANN40
     positions = [share * plant.stroke_m for share in STROKE_SHARES]
     levels = levels_of(plant, pressures)
     bare = np.array([[adiabatic_stiffness(plant, x, p) for p in levels] for x in positions])
-    modes = np.array(
-        [[_mode(linear_model(plant, SIDE, x, gas_at(plant, p), friction="sliding")) for p in levels] for x in positions]
-    )
+    modes = np.array([[_mode(_at(plant, x, p, "sliding")) for p in levels] for x in positions])
     half = plant.middle_m
 
     def at_half(pressure: float | None = None, times: float = 1.0) -> float:
         return math.sqrt(adiabatic_stiffness(plant, half, pressure, times) / (times * plant.mass)) / (2.0 * math.pi)
 
-    own = at_half(), _mode(linear_model(plant, SIDE, half, gas_at(plant), friction="sliding"))[1]
+    own = at_half(), _mode(_at(plant, half, None, "sliding"))[1]
     by_mass = [[at_half(p, m) for p in levels] for m in MASSES]
     natural = np.sqrt(bare / plant.mass) / (2.0 * math.pi)
     masses = [k * plant.mass for k in MASSES]
