@@ -71,7 +71,7 @@ def main(tasks: int) -> None:
             looked[lacks.limit] += 1
             if max(shares) <= 1.0:
                 kept.append((max(shares), choice.name, lacks))
-                if simulated(strokes, tune(strokes).setting, points(64)).drive.is_feasible:
+                if simulated(strokes, tune(strokes).setting, points(64))[0].is_feasible:
                     met.append((choice.name, lacks))
         print(number, len(pruned), dict(looked), len(kept), len(met), flush=True)
     print("kept their times at the favourable end:", *kept, sep="\n  ")

@@ -56,10 +56,10 @@ def random_task(rng: np.random.Generator) -> SizingTask:
 
 def enumerated(strokes: DriveStrokes, setting: Setting) -> SizedDrive | None:
     """Simulate all draws of a choice; None as soon as more of them fail than may fail of all."""
-    first = simulated(strokes, setting, points(DRAWS)[:FIRST], RTOL).drive
+    first = simulated(strokes, setting, points(DRAWS)[:FIRST], RTOL)[0]
     if first.draws - first.met > (1.0 - PROBABILITY) * DRAWS:
         return None
-    return simulated(strokes, setting, points(DRAWS), RTOL).drive
+    return simulated(strokes, setting, points(DRAWS), RTOL)[0]
 
 
 def compared(task: SizingTask) -> tuple[bool, str]:

@@ -19,9 +19,9 @@ from pneudrive.cli.main import run as command
 from pneudrive.datasheet.strokes import stroke_numbers
 from pneudrive.describe.circuit import Circuit
 from pneudrive.errors import CommandError, DescriptionError
-from pneudrive.report.page import reference
+from pneudrive.report.page import references
 from pneudrive.sizing.checks import SAME_AIR, simulated
-from pneudrive.sizing.prune import SafeBounds, air_estimate_kg, misfit
+from pneudrive.sizing.prune import SafeBounds, air_estimate_kg
 from pneudrive.sizing.result import SizingResult
 from pneudrive.sizing.search import size
 from pneudrive.sizing.strokes import DRAWN, RTOL, DriveStrokes, Setting, cycle_s, points, tune
@@ -70,7 +70,7 @@ def test_each_row_of_the_table_names_its_file(found: SizingResult):
 def test_the_best_of_full_enumeration_is_found_and_margins_are_monotone(found: SizingResult):
     task = SizingTask(**TASK)
     made = [DriveStrokes(choice, task) for choice in combined(choices(task))]
-    every = [simulated(one, tune(one).setting, points(DRAWS["draws_best"]), RTOL).drive for one in made]
+    every = [simulated(one, tune(one).setting, points(DRAWS["draws_best"]), RTOL)[0] for one in made]
     best = min((one for one in every if one.is_feasible), key=lambda one: one.rank)
     assert len(every) == found.enumerated >= 4
     assert found.best.rank == best.rank
@@ -94,7 +94,7 @@ def test_a_needle_is_tuned_to_its_largest_margin(found: SizingResult):
     slow, _ = nominal_strokes({**found.best.parts, "flow_control": "festo-gr-qs-8"}, task)
     own = tune(slow).setting
     near = [own._replace(needle_back=share * own.needle_back) for share in (0.85, 1.0, 1.16)]
-    less, best, more = (simulated(slow, one, points(DRAWS["draws"]), RTOL).drive.margin for one in near)
+    less, best, more = (simulated(slow, one, points(DRAWS["draws"]), RTOL)[0].margin for one in near)
     assert best > max(less, more)
 
 
@@ -199,7 +199,9 @@ def test_what_is_pruned_fails_at_the_favourable_end_of_every_spread(change: dict
     task = SizingTask(**TASK | change | {"exclude": [one for one in SMALL if not one.startswith("smc-tu")]})
     found = choices(task)
     bounds = SafeBounds(task, found["tube"])
-    assert {one.tube.name for one in combined(found) if one.is_throttled and not misfit(one)} == {"smc-tu0805"}  # 8 mm
+    throttled = [(one.tube.name, bounds.fits(one)) for one in combined(found) if one.is_throttled]
+    fitting = {tube for tube, lacks in throttled if lacks is None or lacks.limit != "connection"}
+    assert fitting == {"smc-tu0805"}  # 8 mm
     lacking = [(one, bounds.lacks(one)) for one in combined(found)]
     pruned = [(one, lacks) for one, lacks in lacking if lacks is not None and lacks.limit != "connection"]
     assert pruned
@@ -385,7 +387,8 @@ supply.pressure = "6 bar gauge"
     origins = {key: origin for key, _, origin in page.tables["Sources in brackets, listed at the end"]}
     assert origins["cylinder.friction.coulomb"].startswith("assumed: ")
     assert origins["load.mass"] == "the task, or the choice of parts"
-    assert reference(origins["cylinder.bore"].partition("]")[0][1:]) in page.text
+    (source,) = references([origins["cylinder.bore"].partition("]")[0][1:]])
+    assert source in page.text
     again = tmp_path / "again"
     again.mkdir()
     monkeypatch.chdir(again)

@@ -14,14 +14,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pneudrive.sizing.checks import PROBABILITY, DrawResults, Hardest, Provisional, Shortage, SizedDrive, rank_of
+from pneudrive.sizing.checks import Shortage, SizedDrive, rank_of
 from pneudrive.sizing.strokes import NEVER, DriveStrokes, StrokeResults, StrokeRuns, Tuned, cases, is_worth_more
 from pneudrive.sizing.task import NO_FLOW_CONTROL, DriveChoice, PartChoice, SizingTask
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    from pneudrive.arrays import NamedNumbers, Pair
+    from pneudrive.arrays import Array, NamedNumbers, Pair
 
 
 #: Key of the ranking: see `SizedDrive.rank`.
@@ -37,10 +35,6 @@ SPREAD_SLACK, SPREAD_AIR, HARDEST_AIR = 0.4, 0.1, 0.002
 #: Largest gain in margin by a narrower valve or flow control, compared with the widest one with a tuned needle
 #: (assumed, as above).
 VALVE_SLACK = 0.04
-#: Number of standard deviations by which failures in a part of the samples may exceed the allowed number.
-DOUBT = 3.0
-#: Margin above which choices that were not run yet rank equally, and typical loss of a nominal margin by the spreads.
-ENOUGH, RESERVE = 0.3, 0.1
 
 
 @dataclass
@@ -86,11 +80,6 @@ class TubedCylinder:
         """Lower bound of the first part of the ranking key, over all choices with the pair."""
         return rank_of(self.open_checks, self.least_air, 1.0)
 
-    @property
-    def count(self) -> int:
-        """Number of choices with the pair."""
-        return len(self.valves) * len(self.flow_controls)
-
     def probe(self, task: SizingTask) -> list[StrokeRuns]:
         """Return both strokes in the nominal and the fast case, with the widest and earliest opening of all valves."""
         numbers: NamedNumbers = dict(self.valves[0].numbers)
@@ -113,9 +102,8 @@ class TubedCylinder:
         ones = np.ones((2, 4))
         return [StrokeRuns(strokes, way, cases(task, way)[[0, 2]], ones) for way in (True, False)]
 
-    def take(self, task: SizingTask, found: Sequence[StrokeResults]) -> None:
-        """Store the results of the probe."""
-        out, back = found
+    def take(self, task: SizingTask, out: StrokeResults, back: StrokeResults) -> list[SizingCandidate]:
+        """Store the results of the probe, and return the choices of parts with the pair; empty if they are too late."""
         self.air = float(out.air[0] + back.air[0])
         self.times = float(out.time[0]), float(back.time[0])
         for way, (_, time), limit in (("out", out.time, task.outward_s), ("back", back.time, task.back_s)):
@@ -123,10 +111,10 @@ class TubedCylinder:
                 least = f"{time:.4g} s" if time < math.inf else "no arrival"
                 reason = f"time {way}: {least} with the widest valve in the fast case, {limit:.4g} s allowed"
                 parts = {"cylinder": self.cylinder.name, "valve": "*", "tube": self.tube.name, "flow_control": "*"}
-                self.late = Shortage("time", limit / time, reason, parts, self.count)
-
-    def candidates(self, task: SizingTask) -> list[SizingCandidate]:
-        """Return the choices of parts with the pair."""
+                count = len(self.valves) * len(self.flow_controls)
+                self.late = Shortage("time", limit / time, reason, parts, count)
+        if self.late:
+            return []
         valves = sorted(self.valves, key=lambda one: (-one.exhaust_conductance, -one.numbers["conductance"], one.name))
         wide = self._opened(DriveChoice(self.cylinder, valves[0], self.tube, NO_FLOW_CONTROL))
         limits = task.outward_s, task.back_s
@@ -170,10 +158,10 @@ class SizingCandidate:
         Whether the settings are refined.
     drive : SizedDrive or None
         Results of the spreads with the most samples.
-    spread : DrawResults or None
-        Results of the samples that were simulated last in this process.
-    hardest : Hardest or None
-        Results of the samples with the smallest margins.
+    samples : ndarray or None
+        Margins and air of the samples that were simulated last in this process (`checks.simulated`).
+    hardest : tuple of float or None
+        Air (kg) and largest margin, from the samples with the smallest margins.
     lost : Shortage or None
         Reason why the choice cannot do the task; None while it may.
     """
@@ -185,8 +173,8 @@ class SizingCandidate:
     settings: Tuned | None = None
     is_tuned: bool = False
     drive: SizedDrive | None = None
-    spread: DrawResults | None = None
-    hardest: Hardest | None = None
+    samples: Array | None = None
+    hardest: Pair | None = None
     lost: Shortage | None = None
 
     @property
@@ -209,20 +197,15 @@ class SizingCandidate:
         """Number of samples that are simulated."""
         return 0 if self.drive is None else self.drive.draws
 
-    def provisional(self) -> Provisional:
-        """Return the results of nominal runs."""
-        assert self.settings is not None
-        found = self.settings
-        return Provisional(self.choice.parts, found.air, found.times, found.least, found.short[0])
-
-    def bound(self, final: int) -> Rank:
-        """Return the best possible ranking key after `final` samples."""
-        return rank_of(self.open_checks, *self.outlook(final), self.choice.sizes, self.choice.name)
+    def rank_at(self, air: float, margin: float) -> Rank:
+        """Return the ranking key for an air (kg) and a margin; for those of `outlook`, the best possible key."""
+        return rank_of(self.open_checks, air, margin, self.choice.sizes, self.choice.name)
 
     def outlook(self, final: int) -> Pair:
         """Return the least air (kg) and the largest margin that are possible after `final` samples."""
         if self.hardest is not None:
-            return self.hardest.air * (1.0 - HARDEST_AIR), self.hardest.margin
+            air, margin = self.hardest
+            return air * (1.0 - HARDEST_AIR), margin
         if (drive := self.drive) is not None:
             spread = drive.draws**-0.5 - final**-0.5
             return drive.air * (1.0 - SPREAD_AIR * spread), drive.margin + SPREAD_SLACK * spread
@@ -242,63 +225,22 @@ class SizingCandidate:
             return self.lead is not None and self.lead.is_slow
         return not self.settings.times
 
-    def _lose(self, limit: str, reason: str) -> None:
+    def lose(self, limit: str, reason: str) -> None:
+        """Reject the candidate because of a limit that it misses."""
         self.lost = Shortage(limit, 0.0, reason, self.choice.parts)
-
-    def look_at_reach(self, final: int) -> None:
-        """Reject the candidate if its runs, or runs with the widest valve, show that it cannot do the task."""
-        _, most = self.outlook(final)
-        if most < 0.0:
-            of = "" if self.settings or self.lead is None else f" with {self.lead.choice.valve.name}"
-            self._lose("spreads", f"margin of {100.0 * most:.0f} % at most{of}")
 
     @property
     def known(self) -> float | None:
         """Expected margin over the spreads, from the last runs; None before the first run."""
         if self.drive is not None:
-            return self.drive.margin if self.hardest is None else self.hardest.margin
+            return self.drive.margin if self.hardest is None else self.hardest[1]
         return None if self.settings is None else min(self.settings.least, self.settings.nominal)
-
-    def promise(self, of_cylinder: Mapping[str, float]) -> tuple[bool, Rank]:
-        """Return the key that sorts the choices for simulation.
-
-        Parameters
-        ----------
-        of_cylinder : dict
-            Cylinder -> best margin of the choices that were run with it.
-        """
-        one = self.hardest or self.drive or self.settings
-        air = (one.air if one else 0.0) or self.pair.air or self.pair.fill
-        margin = self.known
-        if margin is None:
-            of_lead = ENOUGH if self.lead is None or self.lead.known is None else self.lead.known
-            margin = min(self.guess, of_lead, of_cylinder.get(self.cylinder, ENOUGH) + MARGIN_SLACK["tuned"])
-            margin -= RESERVE + (not self.choice.is_throttled)
-        return margin < 0.0, rank_of(self.open_checks, air, margin, self.choice.sizes, self.choice.name)
 
     def take_settings(self, found: Tuned, *, is_tuned: bool) -> None:
         """Store rough or tuned settings."""
         self.settings, self.is_tuned = found, is_tuned
         name, limit, value = found.short
         if found.nominal < 0.0:
-            self._lose(name, f"{value:.3g} in the nominal case, limit {limit:.3g} (SI)")
+            self.lose(name, f"{value:.3g} in the nominal case, limit {limit:.3g} (SI)")
         elif not is_tuned and not is_worth_more(found):
-            self._lose("spreads", f"margin of {100.0 * found.least:.0f} % in the worst case")
-
-    def take_hardest(self, found: Hardest, final: int) -> None:
-        """Store the results of the samples with the smallest margins."""
-        self.hardest = found
-        if found.failed > (1.0 - PROBABILITY) * final:
-            self._lose("spreads", f"{found.failed} of {final} samples miss a limit")
-
-    def take_drive(self, found: SizedDrive, final: int) -> None:
-        """Store the results of simulated spreads.
-
-        The candidate is rejected if more samples fail than allowed, or than is likely for a passing choice.
-        """
-        self.drive = found
-        allowed, failed = 1.0 - PROBABILITY, found.draws - found.met
-        likely = allowed + DOUBT * math.sqrt(allowed / found.draws)
-        is_final = found.draws >= final
-        if failed > allowed * final or (not found.is_feasible if is_final else failed > likely * found.draws + 1.0):
-            self._lose(found.binding, f"{failed} of {found.draws} samples miss it")
+            self.lose("spreads", f"margin of {100.0 * found.least:.0f} % in the worst case")

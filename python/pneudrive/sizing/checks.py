@@ -558,28 +558,12 @@ class Provisional:
 HARD, NEAR = 16, 0.15
 
 
-class DrawResults(NamedTuple):
-    """Results of samples: summary, margins of each limit, and air (kg) of each sample."""
-
-    drive: SizedDrive
-    limits: list[LimitMargin]
-    air: Array
-
-
-class Hardest(NamedTuple):
-    """Bounds of a choice over all samples: largest margin, smallest number of failing samples, estimated air (kg)."""
-
-    margin: float
-    failed: int
-    air: float
-
-
-def simulated(strokes: DriveStrokes, setting: Setting, draws: Array, rtol: float = COARSE) -> DrawResults:
+def simulated(strokes: DriveStrokes, setting: Setting, draws: Array, rtol: float = COARSE) -> tuple[SizedDrive, Array]:
     """Simulate a choice with its settings over samples of the spreads, and compare the results with the task.
 
-    The results of each sample are kept.
+    Also return a column with the margins of the samples for each limit, and one with their air (kg).
     """
-    out, back = _both(strokes, setting, draws, rtol)
+    out, back = (strokes.run(outward, draws, setting, rtol) for outward in (True, False))
     task, choice = strokes.task, strokes.choice
     found = limits(task, choice, out, back)
     met = int(is_met(found).sum())
@@ -615,38 +599,34 @@ def simulated(strokes: DriveStrokes, setting: Setting, draws: Array, rtol: float
         intervals=intervals,
         open_names=(),
     )
-    return DrawResults(replace(drive, open_names=open_names(choice, task, drive)), found, air)
+    samples = np.column_stack([*(one.margins for one in found), air])
+    return replace(drive, open_names=open_names(choice, task, drive)), samples
 
 
-def hardest(strokes: DriveStrokes, setting: Setting, known: DrawResults, draws: Array) -> Hardest:
-    """Return upper bounds of a choice's results over all samples, from a few of the samples.
+def hardest(strokes: DriveStrokes, setting: Setting, known: Array, draws: Array) -> tuple[float, float, int]:
+    """Return air (kg, estimated), largest margin and smallest number of failing samples over all samples.
+
+    They follow from a few of the samples.
 
     The first samples give a linear estimate of the margins of all samples. The samples with the smallest estimates are
-    simulated. The result is always a bound, because samples that are not simulated can only reduce the margin. The mean
-    air is estimated.
+    simulated. Margin and number are always bounds, because samples that are not simulated can only reduce the margin.
 
     Parameters
     ----------
     strokes : DriveStrokes
     setting : Setting
-    known : DrawResults
-        Results for the first samples.
+    known : ndarray
+        Columns of the first samples, from `simulated`.
     draws : ndarray, shape (n, len(DRAWN))
         All samples.
     """
-    allowed, first = passed(len(draws)), len(known.air)
+    allowed = passed(len(draws))
     design = np.column_stack([np.ones(len(draws)), draws])
-    columns = np.column_stack([*(limit.margins for limit in known.limits), known.air])
-    *estimates, air = (design @ np.linalg.lstsq(design[:first], columns, rcond=None)[0]).T
+    *estimates, air = (design @ np.linalg.lstsq(design[: len(known)], known, rcond=None)[0]).T
     lows = [float(np.partition(estimate, allowed)[allowed]) for estimate in estimates]
     near = [one for one, low in zip(estimates, lows, strict=True) if low < min(lows) + NEAR]
     places = np.unique(np.concatenate([one.argsort()[: HARD + allowed] for one in near]))
-    found = limits(strokes.task, strokes.choice, *_both(strokes, setting, draws[places], RTOL))
+    out, back = (strokes.run(outward, draws[places], setting, RTOL) for outward in (True, False))
+    found = limits(strokes.task, strokes.choice, out, back)
     margin = min(float(np.sort(one.margins)[allowed]) for one in found)
-    return Hardest(margin, int((~is_met(found)).sum()), float(air.mean()))
-
-
-def _both(strokes: DriveStrokes, setting: Setting, draws: Array, rtol: float) -> list[StrokeResults]:
-    """Run both strokes of a choice, and return their results."""
-    rows = np.tile(np.array(setting), (len(draws), 1))
-    return [strokes.run(outward, draws, rows, rtol) for outward in (True, False)]
+    return float(air.mean()), margin, int((~is_met(found)).sum())

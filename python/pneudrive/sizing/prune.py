@@ -20,10 +20,10 @@ from pneudrive.sizing.checks import Shortage, mechanical_checks, open_names
 from pneudrive.sizing.task import NO_FLOW_CONTROL, SAME_STROKE, SLOTS, DriveChoice, PartChoice, choices, grouped
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
+    from collections.abc import Callable, Iterable, Mapping, Sequence
 
     from pneudrive.arrays import Keyed, Plain
-    from pneudrive.sizing.task import Parts, SizingTask, TaskSupply
+    from pneudrive.sizing.task import Parts, SizingTask
 
 
 #: Largest factor by which the gas ahead of a piston is compressed over a whole stroke (assumed): 1.5 allows for drives
@@ -47,11 +47,16 @@ class SafeBounds:
         self, task: SizingTask, tubes: Sequence[PartChoice], conductances: Mapping[str, float] | None = None
     ) -> None:
         self.task = task
-        self.tubes = conductances or {tube.name: tube_conductance(tube, task) for tube in tubes}
+        self.tubes = dict(conductances or {})
+        if not conductances:
+            pressure = task.supply_pa
+            for tube in tubes:  # the sonic conductance, from the choked flow
+                path = [("tube", "1", "2")]
+                flow = steady_flow({"tube": dict(tube.table)}, path, pressure, VACUUM * pressure, Gas())
+                self.tubes[tube.name] = flow / (ANR_DENSITY_KG_M3 * pressure)
         ambient = task.ambient.pressure_pa
-        self.high = task.supply_pa + task.supply.spread_pa
         self.low = task.supply_pa - task.supply.spread_pa
-        self.gauge = self.high - ambient
+        self.gauge = task.supply_pa + task.supply.spread_pa - ambient
         weight = task.static_force_n - task.external_force_n
         light, heavy = 1.0 - task.spread.mass, 1.0 + task.spread.mass
         out, back = (min(sign * weight * one for one in (light, heavy)) for sign in (1.0, -1.0))
@@ -74,80 +79,69 @@ class SafeBounds:
 
     def cylinder(self, part: PartChoice) -> Shortage | None:
         """Return the reason why a cylinder cannot do the task with any valve, tube and flow control."""
-        choice = DriveChoice(part, NO_FLOW_CONTROL, NO_FLOW_CONTROL, NO_FLOW_CONTROL)
-        by_sheet = self._stroke(choice) or self._force(choice) or self.part(part) or self._sheet(choice)
-        return by_sheet or self._late(choice, self._thrust_s)
-
-    def _stroke(self, choice: DriveChoice) -> Shortage | None:
-        stroke = choice.cylinder.numbers["stroke"]
-        if abs(stroke - self.task.stroke_m) <= SAME_STROKE * self.task.stroke_m:
-            return None
-        return Shortage("stroke", 0.0, f"the stroke of the part is {1e3 * stroke:g} mm")
-
-    def _sheet(self, choice: DriveChoice) -> Shortage | None:
-        """Compare the task with the mechanical limits on the data sheet of the cylinder."""
-        for check in mechanical_checks(choice.cylinder, self.task):
-            if check.is_kept is False:
-                return Shortage(check.name, (check.limit or 0.0) / check.value, check.numbers)
-        holding = choice.cylinder.printed_si("coupling_holding_force", "N")
-        push = self.gauge * choice.areas_m2[0]
-        if holding is not None and push > holding:
-            return Shortage(
-                "coupling", holding / push, f"the coupling holds {holding:g} N, the piston pushes {push:.0f} N"
-            )
-        return None
-
-    def _force(self, choice: DriveChoice) -> Shortage | None:
-        least = self.task.spread.friction[0] * choice.cylinder.numbers["friction.parameters.coulomb"]
-        for outward, area in zip((True, False), choice.areas_m2, strict=True):
-            most = self.gauge * area
+        task, gauge, stroke = self.task, self.gauge, part.numbers["stroke"]
+        areas = DriveChoice(part, NO_FLOW_CONTROL, NO_FLOW_CONTROL, NO_FLOW_CONTROL).areas_m2
+        if abs(stroke - task.stroke_m) > SAME_STROKE * task.stroke_m:
+            return Shortage("stroke", 0.0, f"the stroke of the part is {1e3 * stroke:g} mm")
+        least = task.spread.friction[0] * part.numbers["friction.parameters.coulomb"]
+        for outward, area in zip((True, False), areas, strict=True):
+            most = gauge * area
             needed = self.against[outward] + least
             if outward:
-                needed = max(needed, self.against[True] + self.task.holding_force_n)
+                needed = max(needed, self.against[True] + task.holding_force_n)
             if most < needed:
                 way = "outwards" if outward else "back"
                 return Shortage("force", max(most, 0.0) / needed, f"{way}: {most:.0f} N at most, {needed:.0f} N needed")
-        return None
+        if (shortage := self.part(part)) is not None:
+            return shortage
+        for check in mechanical_checks(part, task):
+            if check.is_kept is False:
+                return Shortage(check.name, (check.limit or 0.0) / check.value, check.numbers)
+        holding, push = part.printed_si("coupling_holding_force", "N"), gauge * areas[0]
+        if holding is not None and push > holding:
+            said = f"the coupling holds {holding:g} N, the piston pushes {push:.0f} N"
+            return Shortage("coupling", holding / push, said)
+        # Time of a stroke under constant full force, without friction.
+        piston = part.numbers["moving_mass"] * (1.0 - task.spread.assumed * ("moving_mass" in part.assumed))
+        mass = piston + task.mass_kg * (1.0 - task.spread.mass)
+        forces = (gauge * area - self.against[outward] for outward, area in zip((True, False), areas, strict=True))
+        return self._late(math.sqrt(2.0 * task.stroke_m * mass / f) if f > 0.0 else math.inf for f in forces)
 
     def fits(self, choice: DriveChoice) -> Shortage | None:
         """Return the reason why a part does not fit the tube, or why the gas cannot leave the cylinder in time.
 
-        A missing part counts as ideal.
+        A missing part counts as ideal. A part without a tube diameter fits.
         """
-        return misfit(choice) or self.vents(choice)
+        tube = choice.tube.tube_diameter_m
+        for part in (choice.cylinder, choice.valve, choice.flow_control):
+            takes = part.tube_diameter_m
+            if tube is not None and takes is not None and not math.isclose(takes, tube):
+                said = f"{part.name} fits tubes of {1e3 * takes:g} mm, {choice.tube.name} has {1e3 * tube:g} mm"
+                return Shortage("connection", 0.0, said)
+        return self.vents(choice)
 
     def vents(self, choice: DriveChoice) -> Shortage | None:
-        """Return the reason why the gas cannot leave the cylinder in time."""
-        return self._late(choice, self._flow_s)
-
-    def _late(self, choice: DriveChoice, least_s: Callable[[DriveChoice, bool], float]) -> Shortage | None:
-        for outward, limit in ((True, self.task.outward_s), (False, self.task.back_s)):
-            least = least_s(choice, outward)
-            if least > limit:
-                way = "outwards" if outward else "back"
-                return Shortage("time", limit / least, f"{way}: {least:.3g} s at least, {limit:.3g} s allowed")
-        return None
-
-    def _thrust_s(self, choice: DriveChoice, outward: bool) -> float:
-        """Return the time of a stroke under constant full force, without friction."""
+        """Return the reason why the gas cannot leave the cylinder in time, with choked flow ahead of the piston."""
         spread = self.task.spread
-        own = choice.cylinder.numbers["moving_mass"]
-        own *= 1.0 - spread.assumed * ("moving_mass" in choice.cylinder.assumed)
-        mass = own + self.task.mass_kg * (1.0 - spread.mass)
-        force = self.gauge * choice.areas_m2[0 if outward else 1] - self.against[outward]
-        return math.sqrt(2.0 * self.task.stroke_m * mass / force) if force > 0.0 else math.inf
-
-    def _flow_s(self, choice: DriveChoice, outward: bool) -> float:
-        """Return the least time in which the gas ahead of the piston can leave, assuming choked flow."""
-        area = choice.areas_m2[1 if outward else 0]
-        wide = 1.0 + 2.0 * self.task.spread.conductance
+        wide = 1.0 + 2.0 * spread.conductance
         sizes = choice.exhaust_sizes(self.tubes[choice.tube.name])
         hot = self.task.temperatures_k[1]
         speed = min(sizes) * wide * ANR_DENSITY_KG_M3 * AIR_GAS_CONSTANT_J_KG_K * math.sqrt(ANR_TEMPERATURE_K * hot)
-        driven = max(-self.against[outward], 0.0)  # a load that pulls compresses the gas as well
-        compressed = COMPRESSED + driven / (self.low * area)
-        kept = (compressed - 1.0) * (1.0 + self.task.spread.assumed) * _dead(choice, "b" if outward else "a")
-        return max(area * self.task.stroke_m - kept, 0.0) / (compressed * speed)
+        times = []
+        for outward, end, area in zip((True, False), "ba", choice.areas_m2[::-1], strict=True):
+            driven = max(-self.against[outward], 0.0)  # a load that pulls compresses the gas as well
+            compressed = COMPRESSED + driven / (self.low * area)
+            kept = (compressed - 1.0) * (1.0 + spread.assumed) * _dead(choice, end)
+            times.append(max(area * self.task.stroke_m - kept, 0.0) / (compressed * speed))
+        return self._late(times)
+
+    def _late(self, times: Iterable[float]) -> Shortage | None:
+        """Compare the least times of the strokes out and back with the task."""
+        limits = ("outwards", self.task.outward_s), ("back", self.task.back_s)
+        for (way, limit), least in zip(limits, times, strict=True):
+            if least > limit:
+                return Shortage("time", limit / least, f"{way}: {least:.3g} s at least, {limit:.3g} s allowed")
+        return None
 
 
 #: Number of bisections for the nearest possible value of a quantity, and its largest factor.
@@ -165,10 +159,14 @@ def nearest_possible(task: SizingTask, found: Parts, bounds: SafeBounds) -> list
     def later(f: float) -> Plain:
         return {"time_s": task.outward_s * f, "speed_m_s": None, "return_time_s": None if back is None else back * f}
 
+    def supplied(f: float) -> Plain:
+        pressure = units.parse_pressure(f"{gauge * f!r} Pa gauge")
+        return {"supply": task.supply.model_copy(update={"pressure": pressure})}
+
     quantities: dict[str, tuple[str, float, float, Callable[[float], Plain]]] = {
         "time": ("s", task.outward_s, FARTHEST, later),
         "mass": ("kg", task.mass_kg, 1.0 / FARTHEST, lambda f: {"mass_kg": task.mass_kg * f}),
-        "supply pressure": ("bar gauge", 1e-5 * gauge, FARTHEST, lambda f: {"supply": _supply(task, gauge * f)}),
+        "supply pressure": ("bar gauge", 1e-5 * gauge, FARTHEST, supplied),
     }
     for name, key in (("external force", "external_force_n"), ("holding force", "holding_force_n")):
         force: float = getattr(task, key)
@@ -176,12 +174,16 @@ def nearest_possible(task: SizingTask, found: Parts, bounds: SafeBounds) -> list
             quantities[name] = "N", force, 1.0 / FARTHEST, lambda f, key=key, force=force: {key: force * f}
     said = []
     for name, (unit, value, farthest, changed) in quantities.items():
-        factor = _nearest_factor(lambda f, changed=changed: _is_possible(task, changed(f), found, bounds), farthest)
-        bound = "no value of this quantity alone suffices"
-        if factor is not None:
-            word = "at least" if farthest > 1.0 else "at most"
-            bound = f"{word} {value * factor:.3g} {unit} (asked: {value:.3g} {unit})"
-        said.append(f"{name}: {bound}")
+        if not _is_possible(task, changed(farthest), found, bounds):
+            said.append(f"{name}: no value of this quantity alone suffices")
+            continue
+        near, far = 0.0, math.log(farthest)  # of the factor that is nearest to 1
+        for _ in range(HALVINGS):
+            middle = 0.5 * (near + far)
+            is_enough = _is_possible(task, changed(math.exp(middle)), found, bounds)
+            near, far = (near, middle) if is_enough else (middle, far)
+        word = "at least" if farthest > 1.0 else "at most"
+        said.append(f"{name}: {word} {value * math.exp(far):.3g} {unit} (asked: {value:.3g} {unit})")
     return said
 
 
@@ -197,10 +199,16 @@ def _nearest_factor(is_possible: Callable[[float], bool], farthest: float) -> fl
 
 
 def _is_possible(task: SizingTask, change: Keyed, found: Parts, bounds: SafeBounds) -> bool:
-    changed = task.model_copy(update=dict(change))
-    own = SafeBounds(changed, (), bounds.tubes)
+    """Return whether a choice passes the safe bounds of a changed task, with the widest parts."""
+
+    def width(part: PartChoice) -> float:
+        numbers = part.numbers
+        needle = numbers.get("needle_conductance", math.inf)
+        return bounds.tubes.get(part.name) or numbers.get("exhaust_conductance", numbers.get("conductance", needle))
+
+    own = SafeBounds(task.model_copy(update=dict(change)), (), bounds.tubes)
     rest = [[one for one in found[slot] if own.part(one) is None] for slot in ("valve", "tube", "flow_control")]
-    valve, tube, control = (max(parts, key=lambda part: _width(bounds, part), default=None) for parts in rest)
+    valve, tube, control = (max(parts, key=width, default=None) for parts in rest)
     if valve is None or tube is None or control is None:
         return False
     return any(
@@ -209,40 +217,12 @@ def _is_possible(task: SizingTask, change: Keyed, found: Parts, bounds: SafeBoun
     )
 
 
-def _width(bounds: SafeBounds, part: PartChoice) -> float:
-    numbers = part.numbers
-    needle = numbers.get("needle_conductance", math.inf)
-    return bounds.tubes.get(part.name) or numbers.get("exhaust_conductance", numbers.get("conductance", needle))
-
-
-def _supply(task: SizingTask, gauge: float) -> TaskSupply:
-    return task.supply.model_copy(update={"pressure": units.parse_pressure(f"{gauge!r} Pa gauge")})
-
-
 def air_estimate_kg(cylinder: PartChoice, tube: PartChoice, task: SizingTask) -> float:
     """Return the air (kg) of a cycle in which both sides fill completely."""
     choice = DriveChoice(cylinder, NO_FLOW_CONTROL, tube, NO_FLOW_CONTROL)
     volume = sum(choice.areas_m2) * task.stroke_m + _dead(choice, "a") + _dead(choice, "b")
     gauge = task.supply_pa - task.ambient.pressure_pa
     return gauge * volume / (AIR_GAS_CONSTANT_J_KG_K * task.ambient.temperature_k)
-
-
-def misfit(choice: DriveChoice) -> Shortage | None:
-    """Return the shortage of a part whose connectors need another tube diameter. A part without a diameter fits."""
-    tube = choice.tube.tube_diameter_m
-    for part in (choice.cylinder, choice.valve, choice.flow_control):
-        takes = part.tube_diameter_m
-        if tube is not None and takes is not None and not math.isclose(takes, tube):
-            said = f"{part.name} fits tubes of {1e3 * takes:g} mm, {choice.tube.name} has {1e3 * tube:g} mm"
-            return Shortage("connection", 0.0, said)
-    return None
-
-
-def tube_conductance(tube: PartChoice, task: SizingTask) -> float:
-    """Return the sonic conductance of a tube in m3/(s Pa), from its choked flow."""
-    pressure = task.supply_pa
-    flow = steady_flow({"tube": dict(tube.table)}, [("tube", "1", "2")], pressure, VACUUM * pressure, Gas())
-    return flow / (ANR_DENSITY_KG_M3 * pressure)
 
 
 def _dead(choice: DriveChoice, end: str) -> float:

@@ -320,7 +320,19 @@ class SizingResult(Viewed):
         tables = {TABLE: [(*(slot.replace("_", " ") for slot in SLOTS), *RANKING), *ranking]}
         tables[REASONS] = [(*SLOTS, "choices", "limit", "reason"), *reasons]
         files = {name: "".join(",".join(row) + "\n" for row in rows) for name, rows in tables.items()}
-        strict = json.loads(json.dumps(_summary(self)), parse_constant=lambda _: None)  # null for infinity
+        summary = {
+            "task": self.task.to_dict(),
+            **{name: getattr(self, name) for name in _STORED},
+            "provisional": [vars(drive) for drive in self.provisional],
+            "simulated": len(self.simulated),
+            "ranked": [asdict(drive) for drive in self.ranked],
+            "miss": None if self.miss is None else vars(self.miss),
+            "assumed": self.circuit().assumed() if self.feasible else [],
+            "savings": [saving._asdict() for saving in self.savings],
+            "checks": [check._asdict() for check in self.checks],
+            "said": self.sentences,
+        }
+        strict = json.loads(json.dumps(summary), parse_constant=lambda _: None)  # null for infinity
         files[SUMMARY] = json.dumps(strict, indent=1) + "\n"
         files |= {name: self.circuit(self.ranked.index(one)).to_toml() for name, one in self.written.items()}
         return [write_whole(folder / name, text) for name, text in files.items()]
@@ -444,22 +456,6 @@ _reader: Any = cache(TypeAdapter)
 _STORED = ("feasible", "ready", "complete", "enumerated", "left", "pruned", "tuned", "interrupted", "notes", "asked")
 
 
-def _summary(result: SizingResult) -> Plain:
-    """Return the result as plain data."""
-    return {
-        "task": result.task.to_dict(),
-        **{name: getattr(result, name) for name in _STORED},
-        "provisional": [vars(drive) for drive in result.provisional],
-        "simulated": len(result.simulated),
-        "ranked": [asdict(drive) for drive in result.ranked],
-        "miss": None if result.miss is None else vars(result.miss),
-        "assumed": result.circuit().assumed() if result.feasible else [],
-        "savings": [saving._asdict() for saving in result.savings],
-        "checks": [check._asdict() for check in result.checks],
-        "said": result.sentences,
-    }
-
-
 # --- Changes of the best drive that save air: a lower pressure for the return stroke, shorter tubes.
 
 #: Tried fractions of the gauge pressure for the return stroke, and of the tube length.
@@ -501,7 +497,7 @@ def savings(best: DriveStrokes, sized_best: SizedDrive, draws: Array) -> Iterato
     tried[f"tubes of {half:.3g} m in place of {task.tube_length_m:.3g} m"] = short
     for change, strokes in tried.items():
         tuned = tune(strokes)
-        made = None if tuned.nominal < 0.0 else simulated(strokes, tuned.setting, draws).drive
+        made = None if tuned.nominal < 0.0 else simulated(strokes, tuned.setting, draws)[0]
         is_kept = made is not None and made.is_feasible
         yield Saving(change, 1.0 - made.air / sized_best.air if is_kept and made else 0.0, is_kept)
 

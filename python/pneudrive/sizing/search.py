@@ -7,18 +7,18 @@ interrupted search resumes with the missing choices.
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from contextlib import closing, nullcontext
 from dataclasses import replace
 from functools import cached_property
-from itertools import islice
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from pneudrive.errors import Cancelled, CommandError
 from pneudrive.progress import Flag, Progress, Watch
-from pneudrive.sizing.candidate import SizingCandidate, TubedCylinder
-from pneudrive.sizing.checks import SAME_AIR, MachineCheck, Provisional, SizedDrive, hardest, machine_checks, simulated
+from pneudrive.sizing.candidate import MARGIN_SLACK, Rank, SizingCandidate, TubedCylinder
+from pneudrive.sizing.checks import PROBABILITY, SAME_AIR, Provisional, hardest, machine_checks, simulated
 from pneudrive.sizing.prune import Pruning, nearest_possible
 from pneudrive.sizing.result import Saving, SizingFolder, SizingResult, nearest_miss, savings
 from pneudrive.sizing.strokes import COARSE, RTOL, points, run_all, tune_all
@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
     from pneudrive.arrays import Array, Keyed, NamedNumbers
+    from pneudrive.sizing.checks import MachineCheck, SizedDrive
 
 #: Number of samples of each leading choice, and of choices that may be the best.
 DRAWS, DRAWS_BEST = 256, 1024
@@ -48,6 +49,10 @@ PROMISES = -0.08
 WORTH = 8
 #: Number of cylinders to rank, if enough of them do the task; number of failed choices that exclude a cylinder.
 LISTED, TRIED = 4, 4
+#: Number of standard deviations by which failures in a part of the samples may exceed the allowed number.
+DOUBT = 3.0
+#: Margin above which choices that were not run yet rank equally, and typical loss of a nominal margin by the spreads.
+ENOUGH, RESERVE = 0.3, 0.1
 
 
 def is_of_command(asked: Mapping[str, int]) -> bool:
@@ -233,14 +238,10 @@ class Search:
 
     def _probe(self, pairs: Sequence[TubedCylinder]) -> None:
         """Probe pairs, and add the choices of pairs that can do the task."""
-        asked = [pair.probe(self.task) for pair in pairs]
-        found = iter(run_all([one for runs in asked for one in runs]))
-        for pair, runs in zip(pairs, asked, strict=True):
-            pair.take(self.task, list(islice(found, len(runs))))
-            if pair.late:
-                self.dropped.append(pair.late)
-            else:
-                self.candidates += pair.candidates(self.task)
+        found = run_all([run for pair in pairs for run in pair.probe(self.task)])
+        for pair, out, back in zip(pairs, found[::2], found[1::2], strict=True):
+            self.candidates += pair.take(self.task, out, back)
+            self.dropped += [pair.late] if pair.late else []
         gone = set(map(id, pairs))
         self.unseen = [one for one in self.unseen if id(one) not in gone]
 
@@ -256,12 +257,21 @@ class Search:
             self._probe([pair for name in names for pair in waiting.pop(name)])
             own = {name: [one for one in self.candidates if one.cylinder == name] for name in names}
             for _ in range(TUBES):
-                self._tune([one for every in own.values() for one in self._next_of(every)])
+                following = []  # the most promising choice of each cylinder with a tube that was not yet run with it
+                for every in own.values():
+                    run = {one.choice.tube.name for one in every if one.settings}
+                    left = [one for one in every if not one.lost and one.choice.tube.name not in run]
+                    following += sorted(left, key=self._promise)[:1]
+                self._tune(following)
                 for name, every in own.items():
                     if left := [one for one in every if one.settings and not one.lost]:
                         best[name] = min(left, key=self._promise)
                 before = self.provisional[:1]
-                self.provisional = tuple(one.provisional() for one in sorted(best.values(), key=self._promise))
+                self.provisional = tuple(
+                    Provisional(one.choice.parts, known.air, known.times, known.least, known.short[0])
+                    for one in sorted(best.values(), key=self._promise)
+                    if (known := one.settings)
+                )
                 if self.provisional[:1] != before:
                     made = self._made(False, False)
                     if tell is not None:
@@ -269,14 +279,19 @@ class Search:
                     if self.folder is not None:
                         self.folder.tell(made.answer)
 
-    def _next_of(self, every: Sequence[SizingCandidate]) -> list[SizingCandidate]:
-        """Return the most promising choice of a cylinder with a tube that was not yet run with it, if there is one."""
-        run = {one.choice.tube.name for one in every if one.settings}
-        left = [one for one in every if not one.lost and one.choice.tube.name not in run]
-        return sorted(left, key=self._promise)[:1]
-
-    def _promise(self, one: SizingCandidate) -> tuple[Any, ...]:
-        return one.promise(self.of_cylinder)
+    def _promise(self, one: SizingCandidate) -> tuple[bool, Rank]:
+        """Return the key that sorts the choices for simulation, with an estimate before the first run."""
+        if one.hardest is not None:
+            air = one.hardest[0]
+        else:
+            known = one.drive or one.settings
+            air = known.air if known else 0.0
+        margin = one.known
+        if margin is None:
+            of_lead = ENOUGH if one.lead is None or one.lead.known is None else one.lead.known
+            margin = min(one.guess, of_lead, self.of_cylinder.get(one.cylinder, ENOUGH) + MARGIN_SLACK["tuned"])
+            margin -= RESERVE + (not one.choice.is_throttled)
+        return margin < 0.0, one.rank_at(air or one.pair.air or one.pair.fill, margin)
 
     def _learn(self, every: Iterable[SizingCandidate]) -> None:
         """Store the best margin of each cylinder."""
@@ -296,10 +311,13 @@ class Search:
         """
         best = self._best()
         pairs = [one for one in self.unseen if best is None or one.rank <= best.rank[:3]]
-        for one in self.left:
-            one.look_at_reach(self.final)
+        for one in self.left:  # its runs, or runs with the widest valve, may show that it cannot do the task
+            _, most = one.outlook(self.final)
+            if most < 0.0:
+                of = "" if one.settings or one.lead is None else f" with {one.lead.choice.valve.name}"
+                one.lose("spreads", f"margin of {100.0 * most:.0f} % at most{of}")
         left = [one for one in self.left if one.draws < self.final]
-        left = [one for one in left if best is None or one.bound(self.final) < best.rank]
+        left = [one for one in left if best is None or one.rank_at(*one.outlook(self.final)) < best.rank]
         leading = {one for one in left if not one.is_tuned}
         return pairs, [one for one in left if one.known is not None or one.lead not in leading]
 
@@ -315,7 +333,7 @@ class Search:
             if pairs and (not left or best is not None):
                 self._probe(pairs[:PROBED])
             elif left:
-                left.sort(key=lambda one: (self._promise(one), one.bound(self.final)))
+                left.sort(key=lambda one: (self._promise(one), one.rank_at(*one.outlook(self.final))))
                 together = TOGETHER if best is not None or not left[0].is_tuned else 2
                 self._advance(left[:together])
             elif not self._others():
@@ -358,15 +376,27 @@ class Search:
         tuned = [one for one in every if one.is_tuned]
         rough = [one for one in every if one.settings is not None and not one.is_tuned]
         self._tune([one for one in every if one.settings is None])
-        self._refine(rough)
+        # Tuned settings in the folder are used; others are refined, up to the largest number of tuned choices.
+        stored = {one: None if self.folder is None else self.folder.stored(one.choice.name) for one in rough}
+        for one, settings in stored.items():
+            if settings is not None:
+                one.take_settings(settings, is_tuned=True)
+        self.tuned += sum(settings is not None for settings in stored.values())
+        left = [one for one, settings in stored.items() if settings is None][: max(self.most - self.tuned, 0)]
+        self.tuned += len(left)
+        self._tune(left, is_tuned=True)
         for one in tuned:
             self.watch.look()
+            assert one.settings is not None
             if is_leading and one.draws and one.hardest is None and self.final >= WORTH * one.draws:
-                assert one.settings is not None
                 setting = one.settings.setting
-                # The folder stores only the drive.
-                known = one.spread or simulated(one.strokes, setting, self.points[: one.draws])
-                one.take_hardest(hardest(one.strokes, setting, known, self.points[: self.final]), self.final)
+                known = one.samples
+                if known is None:  # the folder stores only the drive
+                    _, known = simulated(one.strokes, setting, self.points[: one.draws])
+                air, margin, failed = hardest(one.strokes, setting, known, self.points[: self.final])
+                one.hardest = air, margin
+                if failed > (1.0 - PROBABILITY) * self.final:
+                    one.lose("spreads", f"{failed} of {self.final} samples miss a limit")
             else:
                 following = next(count for count in self.draws if count > one.draws)
                 self._simulate(one, self.final if is_leading and one.draws else following)
@@ -381,25 +411,21 @@ class Search:
                 self.folder.store(one.choice.name, settings)
         self._learn(every)
 
-    def _refine(self, every: Sequence[SizingCandidate]) -> None:
-        """Use the tuned settings in the folder, and refine the others, up to the largest number of tuned choices."""
-        stored = {one: None if self.folder is None else self.folder.stored(one.choice.name) for one in every}
-        known = {one: settings for one, settings in stored.items() if settings is not None}
-        for one, settings in known.items():
-            one.take_settings(settings, is_tuned=True)
-        self.tuned += len(known)
-        left = [one for one in every if one not in known][: max(self.most - self.tuned, 0)]
-        self.tuned += len(left)
-        self._tune(left, is_tuned=True)
-
     def _simulate(self, one: SizingCandidate, draws: int) -> None:
-        """Simulate a choice over the first points of the sequence."""
-        kept = None if self.folder is None else self.folder.stored(one.choice.name, draws)
-        if kept is None:
+        """Simulate a choice over the first points of the sequence.
+
+        The candidate is rejected if more samples fail than allowed, or than is likely for a passing choice.
+        """
+        drive = None if self.folder is None else self.folder.stored(one.choice.name, draws)
+        if drive is None:
             assert one.settings is not None
             rtol = RTOL if draws == self.final else COARSE
-            one.spread = simulated(one.strokes, one.settings.setting, self.points[:draws], rtol)
-            kept = one.spread.drive
+            drive, one.samples = simulated(one.strokes, one.settings.setting, self.points[:draws], rtol)
             if self.folder is not None:
-                self.folder.store(one.choice.name, kept)
-        one.take_drive(kept, self.final)
+                self.folder.store(one.choice.name, drive)
+        one.drive = drive
+        allowed, failed = 1.0 - PROBABILITY, drive.draws - drive.met
+        likely = allowed + DOUBT * math.sqrt(allowed / drive.draws)
+        is_lost = not drive.is_feasible if drive.draws >= self.final else failed > likely * drive.draws + 1.0
+        if failed > allowed * self.final or is_lost:
+            one.lose(drive.binding, f"{failed} of {drive.draws} samples miss it")

@@ -126,9 +126,10 @@ class DriveStrokes:
     task: SizingTask
     return_share: float = 1.0
 
-    def run(self, outward: bool, draws: Array, settings: Array, rtol: float = COARSE) -> StrokeResults:
-        """Run one stroke of n members; the parameters are those of `StrokeRuns`."""
-        return run_all([StrokeRuns(self, outward, draws, settings)], rtol)[0]
+    def run(self, outward: bool, draws: Array, settings: Array | Setting, rtol: float = COARSE) -> StrokeResults:
+        """Run one stroke of n members; the parameters are those of `StrokeRuns`. One setting counts for all members."""
+        rows = np.broadcast_to(np.asarray(settings), (len(draws), len(OPEN)))
+        return run_all([StrokeRuns(self, outward, draws, rows)], rtol)[0]
 
     def load_ratio(self, outward: bool, draws: Array) -> Array:
         """Return, for each sample, the ratio of load to supply force at rest. Above 1, the load does not move.
@@ -152,7 +153,7 @@ class DriveStrokes:
         against = (1.0 if outward else -1.0) * (weight + task.external_force_n)
         held = task.holding_force_n if outward else 0.0
         friction = np.maximum(drawn("cylinder.friction.parameters.coulomb"), held)
-        gauge = task.supply_pa - task.ambient.pressure_pa + task.supply.spread_pa * _both_ways(draws[:, 0])
+        gauge = task.supply_pa - task.ambient.pressure_pa + task.supply.spread_pa * (2.0 * draws[:, 0] - 1.0)
         gauge *= 1.0 if outward else self.return_share
         return (against + friction) / (gauge * self.choice.areas_m2[0 if outward else 1])
 
@@ -256,7 +257,7 @@ class DriveStrokes:
     def members(self, outward: bool, draws: Array, settings: Array) -> CoreMembers:
         """Return the numbers and the start of each run in the core's form."""
         task, rows = self.task, len(draws)
-        whole = task.supply_pa + task.supply.spread_pa * _both_ways(draws[:, 0])
+        whole = task.supply_pa + task.supply.spread_pa * (2.0 * draws[:, 0] - 1.0)
         reduced = task.ambient.pressure_pa + self.return_share * (whole - task.ambient.pressure_pa)
         supply, begun = (whole, reduced) if outward else (reduced, whole)
         temperature = _between(task.temperatures_k, draws, "temperature")
@@ -279,7 +280,7 @@ class DriveStrokes:
     def _factors(self, draws: Array) -> Columns:
         """Return the factors by which the samples scale numbers, by their paths in the core's form."""
         spread = self.task.spread
-        share = {name: _both_ways(column) for name, column in zip(DRAWN, draws.T, strict=True)}
+        share = {name: 2.0 * column - 1.0 for name, column in zip(DRAWN, draws.T, strict=True)}
         friction = _between(spread.friction, draws, "friction")
         factors = {f"cylinder.friction.parameters.{key}": friction for key in ("coulomb", "breakaway", "viscous")}
         factors["load.mass"] = 1.0 + spread.mass * share["load"]
@@ -378,8 +379,19 @@ def _run_alike(asked: Sequence[StrokeRuns], rtol: float) -> list[StrokeResults]:
     starts: Starts = {name: np.concatenate([one.starts[name] for one in each]) for name in each[0].starts}
     members = CoreMembers(each[0].paths, np.concatenate([one.values for one in each]), starts)
     plans = MemberPlans({}, np.array([held_s(first.task)[0 if outward else 1]]))
-    system, reductions = first.template(outward)[0], _reductions(first.task.stroke_m, outward)
-    (arrived, speed, *peaks, air, force), status, _ = run_members(system, members, plans, rtol, reductions, None)
+    end_m = first.task.stroke_m if outward else 0.0
+    kept = {
+        "cylinder.position_m": ("time_when", "rate_when"),
+        "cylinder.a.pressure_pa": ("max",),
+        "cylinder.b.pressure_pa": ("max",),
+        "supply.mass_flow_kg_s": ("integral",),
+        "cylinder.end_stop_force_n": ("final",),
+    }
+    reductions = [
+        Reduction(word, (column,), column, "", "", end_m, above=outward) for column in kept for word in kept[column]
+    ]
+    seen, status, _ = run_members(first.template(outward)[0], members, plans, rtol, reductions)
+    arrived, speed, *peaks, air, force = seen
     late = np.concatenate([one.strokes.opens_after(outward, one.draws) for one in asked])
     time = np.where(np.isnan(arrived), np.inf, arrived + late)
     speed = np.where(np.isfinite(time), speed, 0.0)
@@ -406,18 +418,6 @@ def cycle_s(task: SizingTask) -> float:
     return sum(held_s(task))
 
 
-def _reductions(stroke: float, outward: bool) -> list[Reduction]:
-    def kept(word: str, column: str) -> Reduction:
-        return Reduction(word, (column,), column, "", "", stroke if outward else 0.0, above=outward)
-
-    return [
-        *(kept(word, "cylinder.position_m") for word in ("time_when", "rate_when")),
-        *(kept("max", f"cylinder.{chamber}.pressure_pa") for chamber in "ab"),
-        kept("integral", "supply.mass_flow_kg_s"),
-        kept("final", "cylinder.end_stop_force_n"),
-    ]
-
-
 def points(n: int) -> Array:
     """Return points of a scrambled Sobol sequence, with the shape (n, len(DRAWN)).
 
@@ -441,10 +441,6 @@ def _between(ends: Iterable[float], draws: Array, name: str) -> Array:
     """Return samples of a number that is uniformly distributed over a range."""
     low, high = ends
     return low + (high - low) * draws[:, DRAWN.index(name)]
-
-
-def _both_ways(share: Array) -> Array:
-    return 2.0 * share - 1.0
 
 
 def _opened_value(whole: float, share: float) -> dict[str, str]:

@@ -446,7 +446,7 @@ def choices(task: SizingTask) -> Parts:
     found: Parts = {}
     for slot, kinds in SLOTS.items():
         chosen = [one for one in known if one.kind in kinds and not task.excludes(one.name, one.kind)]
-        found[slot] = [_MAKERS[slot](one, task) for one in sorted(chosen, key=lambda one: one.name)]
+        found[slot] = [part_choice(one, task) for one in sorted(chosen, key=lambda one: one.name)]
     for slot, parts in found.items():
         if not parts and slot != "flow_control":
             raise wrong("exclude", f"exclude removes each {slot} of the catalogue", remedy="Exclude fewer parts.")
@@ -474,8 +474,24 @@ def combined(found: Parts) -> list[DriveChoice]:
     return [DriveChoice(*parts) for parts in product(*(found[slot] for slot in SLOTS))]
 
 
-def _choice(entry: Entry, given: Keyed, assumed: Mapping[str, tuple[Any, str]]) -> PartChoice:
+def part_choice(entry: Entry, task: SizingTask) -> PartChoice:
     """Return a part whose values are overridden by those of the task and completed by assumed ones."""
+    own = {value.key: value.value for value in entry.values}
+    given: Plain = {}
+    assumed: dict[str, tuple[Any, str]] = {}
+    if entry.kind in SLOTS["cylinder"]:
+        given, assumed = _cylinder(entry, task)
+    elif entry.kind in SLOTS["tube"]:
+        given = {"length": units.write(task.tube_length_m, "m", "m")}
+    elif entry.kind == FLOW_CONTROL and not any(key.startswith("check_") for key in own):
+        needle = {key: size for key, size in own.items() if key.startswith("needle_")}
+        why = "equal to the fully open needle"
+        assumed = {key.replace("needle", "check"): (size, why) for key, size in needle.items()}
+    elif entry.kind == PROPORTIONAL and not own.keys() & {"frequency", "delay"}:
+        assumed = {"delay": ("20 ms", "usual for a solenoid valve")}
+    elif entry.kind in SLOTS["valve"] and entry.kind != PROPORTIONAL:
+        why = "not on the sheet: usual for a solenoid valve of this size"
+        assumed = {"time_on": ("20 ms", why), "time_off": ("30 ms", why)}
     check(entry)
     kind = component_class(entry.kind)
     table = kind.flat(part_table(PREFIX + entry.name))
@@ -484,25 +500,27 @@ def _choice(entry: Entry, given: Keyed, assumed: Mapping[str, tuple[Any, str]]) 
         target, _, last = key.rpartition(".")
         of = friction if target else table
         of.setdefault(last, {"value": value, "assumed": why})
+    if friction and task.guide_friction_n:
+        for key in ("coulomb", "breakaway"):
+            alone = parted({key: friction[key]})[0][key]
+            why = f"{alone} of the cylinder and {task.guide_friction_n:.3g} N of the guide"
+            size = f"{units.parse(alone, 'N') + task.guide_friction_n:.4g} N"
+            friction[key] = {"value": size, "assumed": why}
     table |= given
     if friction:
         table["friction"] = friction
-    return _read(entry, table)
-
-
-def _read(entry: Entry, table: Keyed) -> PartChoice:
-    """Read a table as a component."""
-    made = component_class(entry.kind).model_validate(table)
+    made = kind.model_validate(table)
     core = made.core(0.0)
-    numbers, friction = core.pop("numbers"), core.pop("friction") or {}
-    numbers |= {f"friction.parameters.{key}": value for key, value in friction.pop("parameters", {}).items()}
+    numbers, law = core.pop("numbers"), core.pop("friction") or {}
+    numbers |= {f"friction.parameters.{key}": value for key, value in law.pop("parameters", {}).items()}
     said = {key for key, one in made.origins.items() if one.assumed is not None}
     printed = {one.key: one.value for one in entry.printed}
-    form = (repr(core), repr(friction), *sorted(numbers))
+    form = (repr(core), repr(law), *sorted(numbers))
     return PartChoice(entry.name, table, numbers, form, frozenset(said), printed)
 
 
-def _cylinder(entry: Entry, task: SizingTask) -> PartChoice:
+def _cylinder(entry: Entry, task: SizingTask) -> tuple[Plain, dict[str, tuple[Any, str]]]:
+    """Return the values of a cylinder that follow from the task, and the assumed ones."""
     own = {value.key: value for value in entry.values}
     bore = units.parse(own["bore"].value, "m")
     area = math.pi / 4.0 * bore**2
@@ -545,19 +563,7 @@ def _cylinder(entry: Entry, task: SizingTask) -> PartChoice:
         assumed |= {key: (value, why) for key, value in zip(keys, stop, strict=True)}
     if not is_fixed:
         over["stroke"] = units.write(task.stroke_m, "m", "mm")
-    return _guided(entry, _choice(entry, over, assumed), task.guide_friction_n)
-
-
-def _guided(entry: Entry, choice: PartChoice, guide_n: float) -> PartChoice:
-    """Return a cylinder with the friction of the guide added."""
-    if guide_n == 0.0:
-        return choice
-    friction = dict(choice.table["friction"])
-    for key in ("coulomb", "breakaway"):
-        own = parted({key: friction[key]})[0][key]
-        why = f"{own} of the cylinder and {guide_n:.3g} N of the guide"
-        friction[key] = {"value": f"{units.parse(own, 'N') + guide_n:.4g} N", "assumed": why}
-    return _read(entry, dict(choice.table) | {"friction": friction})
+    return over, assumed
 
 
 def _friction(entry: Entry, bore: float) -> dict[str, tuple[Any, str]]:
@@ -603,30 +609,6 @@ def _cushion(entry: Entry, bore: float, stroke: float) -> dict[str, tuple[Any, s
         "plunger_diameter": (f"{500.0 * bore:.3g} mm", "not on the sheet: half the bore"),
         "needle_conductance": (f"{needle:.3g} dm3/(s bar)", "fully open, not on the sheet: 0.15 at bore 32"),
     }
-
-
-def _valve(entry: Entry, _task: SizingTask) -> PartChoice:
-    if entry.kind == PROPORTIONAL:
-        own = {value.key for value in entry.values}
-        late = {} if own & {"frequency", "delay"} else {"delay": ("20 ms", "usual for a solenoid valve")}
-        return _choice(entry, {}, late)
-    why = "not on the sheet: usual for a solenoid valve of this size"
-    return _choice(entry, {}, {"time_on": ("20 ms", why), "time_off": ("30 ms", why)})
-
-
-def _tube(entry: Entry, task: SizingTask) -> PartChoice:
-    return _choice(entry, {"length": units.write(task.tube_length_m, "m", "m")}, {})
-
-
-def _flow_control(entry: Entry, _task: SizingTask) -> PartChoice:
-    if any(own.key.startswith("check_") for own in entry.values):
-        return _choice(entry, {}, {})
-    needle = {own.key: own.value for own in entry.values if own.key.startswith("needle_")}
-    why = "equal to the fully open needle"
-    return _choice(entry, {}, {key.replace("needle", "check"): (size, why) for key, size in needle.items()})
-
-
-_MAKERS = {"cylinder": _cylinder, "valve": _valve, "tube": _tube, "flow_control": _flow_control}
 
 
 def _cm3(volume_m3: float) -> str:
