@@ -84,7 +84,7 @@ def test_a_drive_is_taken_along_from_view_to_view(server: Server, open_tab: Open
     expect(page.locator(".tabs li")).to_have_count(1)
     page.click(".home")
     page.click("button[aria-label='Rename drives/other.toml']")
-    for name, said in (("drives/other.txt", "has another ending"), ("axis.toml", "already exists")):
+    for name, said in (("drives/other.txt", "has another file extension"), ("axis.toml", "already exists")):
         page.fill("input[aria-label='New name of drives/other.toml']", name)
         page.keyboard.press("Enter")
         page.wait_for_selector(f".problem >> text={said}")

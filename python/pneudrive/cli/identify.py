@@ -282,7 +282,7 @@ def identify(
 def apply(fit: Path, drive: str | None = None, *, out: Path | None = None) -> None:
     """Put the determined values of a fit into a drive or a tank.
 
-    Each value keeps its interval and its recordings.
+    The output states the interval and the recordings of each value.
 
     Options
     -------

@@ -384,7 +384,7 @@ def run(
     progress: Progress | None = None,
     cancel: Flag | None = None,
 ) -> xr.Dataset:
-    """Simulate a drive under control along a reference. The law and the drive share the core's equations.
+    """Simulate a drive under control along a reference. Supplied controllers and the drive use the same equations.
 
     Parameters
     ----------

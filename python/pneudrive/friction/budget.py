@@ -131,8 +131,8 @@ def _halves(up: float, down: float) -> Interval:
 def unseen_n(pattern_n: Array, coverage: float) -> float:
     """Return the standard uncertainty, in N, if the mean over some position bins is used for the whole stroke.
 
-    The uncertainty is the standard deviation of friction over the (bins,), times the fraction of the stroke outside
-    the bins. The bins cover the fraction ``coverage`` of the travel.
+    The uncertainty is the standard deviation of `pattern_n`, the friction in each bin, times the fraction of the stroke
+    outside the bins. The bins cover the fraction ``coverage`` of the travel.
     """
     known = pattern_n[np.isfinite(pattern_n)]
     return (1.0 - coverage * (1.0 - BEYOND_SHARE)) * float(known.std()) if known.size else 0.0

@@ -109,11 +109,11 @@ class Differentiable:
         return self._reduce(self._run(values, derivatives=False))[0]
 
     def jacobian(self, values: ArrayLike) -> Array:
-        """Return the derivatives (k, p) of the results. Errors are those of a call."""
+        """Return the derivatives (k, p) of the results. It raises the errors of `__call__`."""
         return self.value_and_jacobian(values)[1]
 
     def value_and_jacobian(self, values: ArrayLike) -> ArrayPair:
-        """Return results and derivatives of one run, shapes (k,) and (k, p). Errors are those of a call."""
+        """Return results and derivatives of one run, shapes (k,) and (k, p). It raises the errors of `__call__`."""
         return self._reduce(self._run(values, derivatives=True))
 
     def jax(self) -> Any:  # noqa: ANN401 - a function of JAX

@@ -76,11 +76,11 @@ def rename(workspace: Workspace, path: str, to: str) -> None:
     Raises
     ------
     CommandError
-        The file or the folder does not exist, the ending changes, or the new name is taken.
+        The file or the folder does not exist, the extension changes, or the new name is taken.
     """
     place, target = workspace.path(path), workspace.path(to)
     if place.suffix.lower() != target.suffix.lower():
-        raise CommandError(f"{to} has another ending", rule=place.suffix)
+        raise CommandError(f"{to} has another file extension", rule=place.suffix)
     if not place.is_file():
         raise CommandError(f"there is no file {path}")
     if not target.parent.is_dir():

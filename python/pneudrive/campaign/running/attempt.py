@@ -182,7 +182,7 @@ class Attempts:
             raise GiveUpError("the axis was stopped")
 
     def finished(self, head: Head) -> None:
-        """Note that a cycle is finished, now or in an earlier run: the next cycle starts from its end state."""
+        """Record that a cycle is finished, now or in an earlier run: the next cycle starts from its end state."""
         self._memory = dict(head.memory)
         self._pressures_after = head.cycle.pressures_pa
 

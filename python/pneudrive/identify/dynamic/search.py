@@ -1,4 +1,4 @@
-"""Search: Gauss-Newton with Levenberg-Marquardt damping over segments with continuous starts.
+"""Search: multiple shooting by Gauss-Newton steps with Levenberg-Marquardt damping.
 
 There are two phases. In the first phase, segments are short and start from smoothed measurements. Only unmeasured
 states, the gas temperatures and the bristles, are carried over from the previous segment. Predictions over some

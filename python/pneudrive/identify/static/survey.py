@@ -284,7 +284,9 @@ def survey_values(
 
 
 def _posterior(logs: Columns) -> tuple[Columns, Array]:
-    """Return posteriors from log likelihoods (11, 9, 20): for each seal (11, 9, 20), and for all seals (11, 9).
+    """Return the posterior of each seal, shape (11, 9, 20), and of all seals, shape (11, 9).
+
+    The arguments are log likelihoods of shape (11, 9, 20).
 
     The squared scatter of a seal is distributed as nu tau^2 / chi2(nu): the density in ln sigma is proportional to
     sigma^-nu exp(-nu tau^2 / (2 sigma^2)).

@@ -254,7 +254,7 @@ def _assumed(
     notes: tuple[str, ...] = (),
     tables: Iterable[ShownTable] = (),
 ) -> Plain:
-    """Return the drive that the laws assume, their gains and their limits as the data of a view."""
+    """Return the data of a view: the drive that the controllers assume, their gains and their limits."""
     shown = (
         ShownTable("Gains", ("law", "gain", "value", "meaning", "follows from"), tuple(gain_rows(about["laws"]))),
         ShownTable("Drive as assumed by the controllers, near mid-stroke", ("property", "value"), about["plant"]),
