@@ -11,19 +11,10 @@ from typing import TYPE_CHECKING, Annotated
 
 from pydantic import BeforeValidator, Field, model_validator
 
+from pneudrive.describe import marks
 from pneudrive.describe.base import Described, DescribedFile
 from pneudrive.describe.components import Component, component, within_component
 from pneudrive.describe.files import toml
-from pneudrive.describe.marks import (
-    NOT_NEGATIVE,
-    POSITIVE,
-    Bounds,
-    Fraction,
-    MaybePressure,
-    MaybeTemperature,
-    Quantity,
-    absolute_above_vacuum,
-)
 from pneudrive.describe.system import core_part
 from pneudrive.describe.tables import valve_flow
 from pneudrive.describe.tables.parts import Ambient, Gas
@@ -46,11 +37,11 @@ class FixedVolume(Described):
     ratio is assumed to be 0.2. Wall and gas have ambient temperature at the start of a recording by default.
     """
 
-    volume_m3: Annotated[float, Quantity("m^3", "dm3", POSITIVE)] = Field(alias="value")
-    heat_transfer_w_k: Annotated[float, Quantity("W/K", "W/K", NOT_NEGATIVE)] = 0.5
-    leakage_m3_s_pa: Annotated[float, Quantity("m^3/(s Pa)", "dm3/(s bar)", NOT_NEGATIVE)] = 0.0
-    wall_temperature_k: MaybeTemperature = None
-    start_temperature_k: MaybeTemperature = None
+    volume_m3: Annotated[float, marks.Quantity("m^3", "dm3", marks.POSITIVE)] = Field(alias="value")
+    heat_transfer_w_k: Annotated[float, marks.Quantity("W/K", "W/K", marks.NOT_NEGATIVE)] = 0.5
+    leakage_m3_s_pa: Annotated[float, marks.Quantity("m^3/(s Pa)", "dm3/(s bar)", marks.NOT_NEGATIVE)] = 0.0
+    wall_temperature_k: marks.MaybeTemperature = None
+    start_temperature_k: marks.MaybeTemperature = None
 
 
 class TankLine(Described):
@@ -59,12 +50,12 @@ class TankLine(Described):
     `pressure` and `temperature` belong to the side away from the volume. Default: ambient.
     """
 
-    conductance_m3_s_pa: Annotated[float, Quantity("m^3/(s Pa)", "dm3/(s bar)", POSITIVE)]
-    critical_pressure_ratio: Fraction
-    subsonic_index: Annotated[float, Quantity("", bounds=Bounds(above=0.0, at_most=2.0))] = 0.5
-    linear_above: Fraction = 0.999
-    pressure: MaybePressure = None
-    temperature_k: MaybeTemperature = None
+    conductance_m3_s_pa: Annotated[float, marks.Quantity("m^3/(s Pa)", "dm3/(s bar)", marks.POSITIVE)]
+    critical_pressure_ratio: marks.Fraction
+    subsonic_index: Annotated[float, marks.Quantity("", bounds=marks.Bounds(above=0.0, at_most=2.0))] = 0.5
+    linear_above: marks.Fraction = 0.999
+    pressure: marks.MaybePressure = None
+    temperature_k: marks.MaybeTemperature = None
 
     @model_validator(mode="after")
     def _in_order(self) -> TankLine:
@@ -76,7 +67,7 @@ class TankLine(Described):
         out = ambient.core() | self.stored()
         if self.pressure is not None:
             out.pop("pressure")
-            out["pressure_pa"] = absolute_above_vacuum(self.pressure, ambient.pressure_pa, "line.pressure")
+            out["pressure_pa"] = marks.absolute_above_vacuum(self.pressure, ambient.pressure_pa, "line.pressure")
         return out
 
 

@@ -23,17 +23,7 @@ from pneudrive.friction.sentences import flag_findings
 from pneudrive.identify.static.result import FrictionFit
 from pneudrive.numbers import fixed, plain
 from pneudrive.report import campaign, page
-from pneudrive.report.page import (
-    MOST_SHOWN,
-    Paragraph,
-    Report,
-    Topic,
-    by_seal,
-    figure_of,
-    gauge_bar,
-    plural,
-    spread_evenly,
-)
+from pneudrive.report.page import Paragraph, Report, Topic, figure_of
 from pneudrive.report.render import DrawnFigure, draw_figure
 from pneudrive.signals.motion import Stroke, find_strokes, local_slope
 from pneudrive.signals.recording import Recording, clean
@@ -139,7 +129,7 @@ def record_figure(
             look=Look() if s.direction > 0 else Look("orange", "--"),
             width=0.5,
         )
-        for s in spread_evenly(strokes, MOST_LOOPS)
+        for s in page.spread_evenly(strokes, MOST_LOOPS)
     ]
     tall = Panel(loops, "", "position / mm", "force, +x / N (solid: towards +x, dashed: back)")
     more = {"tall": tall, "widths": (2, 1), "width_in": LAYOUT_IN if notes else figures.WIDTH_IN, "text_scale": 0.85}
@@ -271,10 +261,10 @@ def speed_figure(groups: list[tuple[MapGroup, list[ShownCurve]]], fits: Fits) ->
     is_single = len(panels) == 1
     count = sum(curve.x.size for _, curves in groups for curve in curves)
     drawn = []
-    for assembly, members in spread_evenly(panels.items(), MOST_PANELS):
+    for assembly, members in page.spread_evenly(panels.items(), MOST_PANELS):
         fit = _speed_law(fits.get(assembly) or fits.get(ALL_RECORDINGS) or {})
         by_pressure = sorted(members, key=lambda member: tuple(member[0].gauges))
-        shown, marks = spread_evenly(by_pressure, MOST_CURVES), []
+        shown, marks = page.spread_evenly(by_pressure, MOST_CURVES), []
         for index, (group, curve) in enumerate(by_pressure):
             at = next((place for place, member in enumerate(shown) if member[1] is curve), None)
             if at is None:
@@ -351,16 +341,16 @@ def characterisation_view(found: Characterisation, fits: Fits | None = None) -> 
         cells = ((seal, p / 1e5, *rest) for seal, p, *rest in spread.cells)
         tables.append(topic.table(cells, "cells"))
     if found.closures:
-        shown = spread_evenly(found.closures, MOST_CURVES)
+        shown = page.spread_evenly(found.closures, MOST_CURVES)
         text = topic.say("one_chamber" if _is_one_chamber(shown) else "both_chambers")
         text = topic.say("with_residuals", said=text) if any(fit.degrees_of_freedom > 0 for fit in shown) else text
         figures.append(topic.figure("closure", closures(shown), said=text))
         tables.append(topic.table(_areas(found.closures), "areas"))
     figures += _loops(topic, found)
-    single = (page.sentence(fit.statement) for fit in found.closures[:MOST_SHOWN] if not fit.has_interval)
+    single = (page.sentence(fit.statement) for fit in found.closures[: page.MOST_SHOWN] if not fit.has_interval)
     return replace(
         base,
-        title=f"{plural(len(found.results), 'recording')} ({'simulated' if found.synthetic else 'measured'})",
+        title=f"{page.plural(len(found.results), 'recording')} ({'simulated' if found.synthetic else 'measured'})",
         rows=tuple(_values(found)),
         curves=(),
         state=worst(findings),
@@ -413,15 +403,18 @@ def _loops(topic: Topic, found: Characterisation) -> Iterator[ShownFigure]:
 
     A panel has both directions, half their difference and half their sum, and thin lines for single strokes.
     """
-    groups = by_seal(found)
+    groups = page.by_seal(found)
     for seal, results in groups.items():
         levels = [level for result in results for level in result.levels]
-        shown = spread_evenly(levels, max(MOST_SHOWN // len(groups), 2 * COLUMNS))
+        shown = page.spread_evenly(levels, max(page.MOST_SHOWN // len(groups), 2 * COLUMNS))
         some = topic.say("some", shown=len(shown), all=len(levels)) if len(shown) < len(levels) else ""
         panels = []
         for level in shown:
             x, p = level.profile.position_m, level.profile
-            strokes = [*spread_evenly(p.up_strokes_n, MOST_STROKES), *spread_evenly(p.down_strokes_n, MOST_STROKES)]
+            strokes = [
+                *page.spread_evenly(p.up_strokes_n, MOST_STROKES),
+                *page.spread_evenly(p.down_strokes_n, MOST_STROKES),
+            ]
             marks = [
                 Rule(level.window_m),
                 *(Line(x, values, look=THIN, width=0.3) for values in strokes),
@@ -431,7 +424,7 @@ def _loops(topic: Topic, found: Characterisation) -> Iterator[ShownFigure]:
                 Line(x, p.friction_n, "friction (half difference)", figures.MEASURED, 1.8),
                 Line(x, p.offset_n, "offset (half sum)", Look("orange", ":"), 1.8),
             ]
-            pressure, speed = fixed(gauge_bar(level), 1), 1e3 * level.speed_m_s
+            pressure, speed = fixed(page.gauge_bar(level), 1), 1e3 * level.speed_m_s
             panels.append(Panel(marks, f"{fill(level.recording, NAME_LETTERS)}\n{pressure} bar, {speed:.3g} mm/s"))
         name = re.sub(r"[^A-Za-z0-9]+", "-", seal).strip("-").lower() or "seal"
         figure = topic.figure("loops", figure_of("friction-loops", panels), seal=seal, some=some)
@@ -471,7 +464,7 @@ def closures(fits: Sequence[ClosureFit]) -> Figure:
 
 
 def _areas(fits: Sequence[ClosureFit]) -> Iterator[tuple]:
-    for fit in fits[:MOST_SHOWN]:
+    for fit in fits[: page.MOST_SHOWN]:
         for side, area in fit.areas_m2.items():
             nominal = fit.nominal_m2[side]
             off, low, high = (100 * (v / nominal - 1) for v in (area.value, area.low, area.high))
@@ -514,7 +507,7 @@ def over_pressure(found: Characterisation) -> Figure:
     panels = [(line.seal, line.table, line) for line in found.pressure_lines]
     with_line = {seal for _, points, _ in panels for seal in points["seal"]}
     rest = found.table.filter(~pl.col("seal").is_in(with_line)).partition_by("seal", maintain_order=True)
-    shown = spread_evenly([*panels, *((points["seal"][0], points, None) for points in rest)], MOST_PANELS)
+    shown = page.spread_evenly([*panels, *((points["seal"][0], points, None) for points in rest)], MOST_PANELS)
     every = pl.concat([points for _, points, _ in shown])
     highest = float((every["friction_n"] + every["expanded_n"].fill_nan(0.0)).max())
     bands = [float(line.band_high_n.max()) for *_, line in shown if line is not None]
@@ -556,11 +549,11 @@ def stick_slip(topic: Topic, found: Characterisation) -> Blocks:
     slipping = [item for item in every if item[2].found and "stick_slip" in item[1].flags]
     if not every or (found.synthetic and not slipping):
         return
-    strokes = plural(len(every), "stroke")
+    strokes = page.plural(len(every), "stroke")
     if not slipping:
         text = topic.say("nothing", strokes=strokes, finest=np.median([s.resolution_s for *_, s in every]))
         if stuck := [100 * s.stuck_share for *_, s in every if s.found]:
-            text += topic.say("jumps", strokes=plural(len(stuck), "stroke"), percent=max(stuck))
+            text += topic.say("jumps", strokes=page.plural(len(stuck), "stroke"), percent=max(stuck))
         yield Paragraph(text)
         return
     motions = []
@@ -672,7 +665,10 @@ def measured(topic: Topic, found: Characterisation) -> Blocks:
     """Show rig, sensors and files."""
     first, uses = found.recordings[0], found.stroke_uses.values()
     used = {"used": sum(use.used for use in uses), "strokes": sum(use.recorded for use in uses)}
-    counts = {"recordings": plural(len(found.results), "recording"), "seals": plural(len(by_seal(found)), "seal")}
+    counts = {
+        "recordings": page.plural(len(found.results), "recording"),
+        "seals": page.plural(len(page.by_seal(found)), "seal"),
+    }
     areas = {"area_a": first.area_a_m2 * 1e4, "area_b": first.area_b_m2 * 1e4}
     yield topic.text(**counts, **used)
     # Cylinder, piston, force sensor, and the servo axis or hand, with the signs.
@@ -719,9 +715,9 @@ def _sensors(recordings: tuple[Recording, ...]) -> Iterator[tuple]:
 def record(topic: Topic, found: Characterisation) -> Blocks:
     """Show all channels of one recording of each seal over time."""
     yield topic.text()
-    for index, group in enumerate(list(by_seal(found).values())[:MOST_PANELS], 1):
+    for index, group in enumerate(list(page.by_seal(found).values())[:MOST_PANELS], 1):
         shown = group[len(group) // 2]
-        caption = topic.say("caption", name=shown.recording.name, bar=gauge_bar(shown.levels[0]))
+        caption = topic.say("caption", name=shown.recording.name, bar=page.gauge_bar(shown.levels[0]))
         yield ShownFigure(f"record-{index}", caption, record_figure(shown.recording, shown.strokes))
 
 

@@ -7,13 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from pneudrive import units
-from pneudrive.constants import (
-    AIR_GAS_CONSTANT_J_KG_K,
-    AIR_HEAT_CAPACITY_RATIO,
-    ANR_TEMPERATURE_K,
-    STANDARD_ATMOSPHERE_PA,
-)
+from pneudrive import constants, units
 from pneudrive.describe.system import short_name
 
 if TYPE_CHECKING:
@@ -46,7 +40,7 @@ def steady_flow(
     from pneudrive.describe import Circuit
     from pneudrive.describe.tables.parts import Ambient
 
-    temperature = units.UnitFloat(ANR_TEMPERATURE_K, "K", "K")
+    temperature = units.UnitFloat(constants.ANR_TEMPERATURE_K, "K", "K")
     upstream = {"kind": "reservoir", "pressure": f"{before_pa!r} Pa abs", "temperature": temperature}
     leaves = ["upstream", *(f"{name}.{last}" for name, _, last in way)]
     enters = [*(f"{name}.{first}" for name, first, _ in way), "ambient"]
@@ -114,8 +108,8 @@ class Dragged:
         piston: NamedNumbers,
         sensor: NamedNumbers,
         carriage: NamedNumbers | None = None,
-        ambient_pa: float = STANDARD_ATMOSPHERE_PA,
-        temperature_k: float = ANR_TEMPERATURE_K,
+        ambient_pa: float = constants.STANDARD_ATMOSPHERE_PA,
+        temperature_k: float = constants.ANR_TEMPERATURE_K,
     ) -> None:
         self.ambient = {"pressure_pa": ambient_pa, "temperature_k": temperature_k}
         self.components: list[Plain] = []
@@ -152,7 +146,10 @@ class Dragged:
 
     def core_json(self) -> str:
         """Return the circuit in the core's form."""
-        air = {"heat_capacity_ratio": AIR_HEAT_CAPACITY_RATIO, "gas_constant_j_kg_k": AIR_GAS_CONSTANT_J_KG_K}
+        air = {
+            "heat_capacity_ratio": constants.AIR_HEAT_CAPACITY_RATIO,
+            "gas_constant_j_kg_k": constants.AIR_GAS_CONSTANT_J_KG_K,
+        }
         joints = list(self.joints.values())
         return json.dumps({"gas": air, "ambient": self.ambient, "components": self.components, "joints": joints})
 
