@@ -1,8 +1,8 @@
 """Cycles as one table: plan, means and position bins of both directions, uncertainties, values at rest.
 
-A cycle is a recording whose plan states one speed and the set pressures. A speed level of a recording is treated as a cycle without
-a plan. Position bins have equal weight, so unevenly spaced samples, such as bursts around a reversal, do not distort
-the means. ``strokes.py`` selects the strokes and computes their means, scatter and breakaway.
+A cycle is a recording whose plan states one speed and the set pressures. A speed level of a recording is treated as a
+cycle without a plan. Position bins have equal weight, so unevenly spaced samples, such as bursts around a reversal, do
+not distort the means. ``strokes.py`` selects the strokes and computes their means, scatter and breakaway.
 
 Cycles at rest give the gain of the force sensor (known weights) and the zeros of the pressures (zero runs). In an open
 zero run, both chambers should show ambient pressure.
