@@ -44,6 +44,12 @@ def test_refusals(given, what):
         command.steps(given, (0.0, 0.5))
 
 
+@pytest.mark.parametrize(("given", "what"), [({}, "is empty"), ({"valve": 0.4}, "give it without a name")])
+def test_tables_of_commands_for_a_drive(given, what):
+    with pytest.raises(CommandError, match=what):
+        pn.simulate(pn.Drive.load("catalogue:reference"), given, "0.1 s")
+
+
 def test_a_number_holds_throughout_and_a_function_is_held_between_samples():
     assert command.steps(0.5) == command.steps("0.5") == command.steps(np.float64(0.5)) == ((0.0,), (0.5,))
     drive = pn.Drive.load("catalogue:reference")

@@ -121,7 +121,7 @@ def plans(
     >>> plans(["left: 0 s: 1, 0.5 s: -1", "right: 0.4"], {"left": None, "right": None})
     [('left', ((0.0, 0.5), (1.0, -1.0))), ('right', ((0.0,), (0.4,)))]
     """
-    if "" in commandable and not isinstance(given, Mapping):
+    if "" in commandable and not (isinstance(given, Mapping) and given):
         return [("", steps(cast("Command", given), times, commandable[""]))]
     if given is None:
         return []
@@ -140,7 +140,8 @@ def plans(
             remedy = f'Name one: "{known[0]}: 0 s: 1".'
             raise CommandError(f"the command must name one of: {', '.join(known)}", remedy=remedy)
         if name and name not in commandable:
-            raise CommandError(f'no component "{name}" takes a command', remedy=nearest(name, known))
+            remedy = nearest(name, known) if any(known) else "A drive has one command: give it without a name."
+            raise CommandError(f'no component "{name}" takes a command', remedy=remedy)
         own = name or known[0]
         if own in out:
             raise CommandError(f"two commands are given for {own}", remedy="Keep one of them.")
