@@ -79,11 +79,13 @@ def _hidden(row: int, force: np.ndarray, span: tuple[float, float]) -> bool:
 
 def test_a_close_view_is_the_samples(recorded: tuple) -> None:
     recording, table, _ = recorded
-    time_s, channels, about = recording.window((500.0, 500.2), PIXELS, ["force_n"])
-    rows = slice(499_999, 500_202)  # one sample beyond each end
-    assert about == {"missing": 0, "samples": 201, "raw": True}
-    assert np.array_equal(time_s, table["time_s"][rows])
-    assert np.array_equal(channels["force_n"], table["force_n"][rows])
+    for end in (500_201, 2000 * BLOCK):  # the second view ends between two blocks
+        span = (end - 201) / RATE, (end - 0.5) / RATE
+        time_s, channels, about = recording.window(span, PIXELS, ["force_n"])
+        rows = slice(end - 202, end + 1)  # one sample beyond each end
+        assert about == {"missing": 0, "samples": 201, "raw": True}
+        assert np.array_equal(time_s, table["time_s"][rows])
+        assert np.array_equal(channels["force_n"], table["force_n"][rows])
 
 
 def test_blocks_are_made_once_and_are_small(recorded: tuple, tmp_path: Path) -> None:

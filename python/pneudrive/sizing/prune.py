@@ -144,8 +144,8 @@ class SafeBounds:
         return None
 
 
-#: Number of bisections for the nearest possible value of a quantity, and its largest factor.
-HALVINGS, FARTHEST = 12, 100.0
+#: Largest factor of a quantity for its nearest possible value, number of tried factors, and of bisections.
+FARTHEST, TRIED, HALVINGS = 100.0, 48, 8
 
 
 def nearest_possible(task: SizingTask, found: Parts, bounds: SafeBounds) -> list[str]:
@@ -174,24 +174,22 @@ def nearest_possible(task: SizingTask, found: Parts, bounds: SafeBounds) -> list
             quantities[name] = "N", force, 1.0 / FARTHEST, lambda f, key=key, force=force: {key: force * f}
     said = []
     for name, (unit, value, farthest, changed) in quantities.items():
-        if not _is_possible(task, changed(farthest), found, bounds):
+        factor = _nearest_factor(lambda f, changed=changed: _is_possible(task, changed(f), found, bounds), farthest)
+        if factor is None:
             said.append(f"{name}: no value of this quantity alone suffices")
             continue
-        near, far = 0.0, math.log(farthest)  # of the factor that is nearest to 1
-        for _ in range(HALVINGS):
-            middle = 0.5 * (near + far)
-            is_enough = _is_possible(task, changed(math.exp(middle)), found, bounds)
-            near, far = (near, middle) if is_enough else (middle, far)
         word = "at least" if farthest > 1.0 else "at most"
-        said.append(f"{name}: {word} {value * math.exp(far):.3g} {unit} (asked: {value:.3g} {unit})")
+        said.append(f"{name}: {word} {value * factor:.3g} {unit} (asked: {value:.3g} {unit})")
     return said
 
 
 def _nearest_factor(is_possible: Callable[[float], bool], farthest: float) -> float | None:
-    """Return the feasible factor that is nearest to 1."""
-    if not is_possible(farthest):
+    """Return the feasible factor that is nearest to 1. Beyond it may be impossible ones: rods buckle under pressure."""
+    step = math.log(farthest) / TRIED
+    far = next((k * step for k in range(1, TRIED + 1) if is_possible(math.exp(k * step))), None)
+    if far is None:
         return None
-    near, far = 0.0, math.log(farthest)
+    near = far - step
     for _ in range(HALVINGS):
         middle = 0.5 * (near + far)
         near, far = (near, middle) if is_possible(math.exp(middle)) else (middle, far)

@@ -150,6 +150,7 @@ def rod(choice: DriveChoice, printed: dict[str, Any], diameter: str, assumed: bo
         ({"mass": "400 kg", "incline": "90 deg", "time": "60 s"}, "mass"),
         ({"external_force": "5 kN"}, "external force"),
         ({"holding_force": "5 kN"}, "holding force"),
+        ({"holding_force": "540 N"}, "supply pressure"),  # 100 times the pressure would buckle the rod
     ],
 )
 def test_the_nearest_possible_value_leaves_a_choice_and_one_a_little_off_none(choice, change, name):
@@ -171,6 +172,8 @@ def test_the_nearest_possible_value_leaves_a_choice_and_one_a_little_off_none(ch
         other = change | {key: f"{value} {unit}"}
         if name == "time":
             other["return_time"] = f"{1.5 * value} s"
+        if name == "supply pressure":
+            other = change | {"supply": {"pressure": f"{value} bar gauge"}}
         assert left(SizingTask(**TASK | other)) == is_left, said[name]
 
 

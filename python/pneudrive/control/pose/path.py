@@ -117,7 +117,7 @@ class PosePath(Shown):
         return max((line.moves[-1].end_s for line in self.lines if line.moves), default=0.0) + REST_S
 
     def at(self, times_s: Array) -> Array:
-        """Return coordinates (m, rad) and two derivatives at times (s), with the shape (3, coordinates, times)."""
+        """Return coordinates (m, rad) and two derivatives at times (s), with the shape (3, times, coordinates)."""
         times = np.ascontiguousarray(times_s, dtype=float)
         return np.stack([line.at(times) for line in self.lines], axis=-1)
 

@@ -154,10 +154,11 @@ class Pyramid:
             missing = self.missing[places, first:last].sum(dtype=np.int64)
             about: Plain = {"missing": missing, "samples": rows[1] - rows[0], "raw": False}
         else:
-            seconds, values = samples(channels, rows)
+            # With one sample more, so that the line leaves the view also between two blocks.
+            seconds, values = samples(channels, (rows[0], min(rows[1] + 1, self.count)))
             begin, end = np.searchsorted(seconds, span[0]), np.searchsorted(seconds, span[1], "right")
             missing = sum(np.isnan(own[begin:end]).sum() for own in values.values())
-            around = slice(max(begin - 1, 0), end + 1)  # one sample beyond each end, so that the line leaves the view
+            around = slice(max(begin - 1, 0), end + 1)
             begins = ends = seconds[around]
             low = high = {name: own[around] for name, own in values.items()}
             about = {"missing": missing, "samples": end - begin, "raw": len(begins) <= 2 * pixels}
