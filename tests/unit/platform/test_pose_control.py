@@ -75,7 +75,7 @@ def test_a_constant_preview_leaves_the_bits_of_an_axis():
         for efforts in (None, {"period_s": 0.01, "rows": [[2.0, 0.0, 0.0]] * 60}):
             forms = prepared.tuning.core(), along.core() | {"efforts": efforts}, prepared.setup.core(1, 101325.0)
             axes = [tuple(json.dumps(form) for form in forms)]
-            circuit = loop.compiled(prepared.truth.core_json)
+            circuit = loop.compiled(prepared.core_json)
             (own,), _, _ = _core.control_run(circuit, prepared.start, axes, [], 0.4, 1e-5)
             columns.append(own)
         for name in ("position_m", "command", "disturbance_n"):
