@@ -96,7 +96,7 @@ def test_tasks_and_searches_lead_to_a_new_task(server: Server, open_tab: Open) -
             page.fill("label:has-text('Name of the file') input", name)
         page.click("button:text-is('Save as a new file')")
         page.wait_for_selector(
-            ".problem >> text=does not know this ending" if not answer else f"[role=status] >> text={answer}"
+            ".problem >> text=does not know this extension" if not answer else f"[role=status] >> text={answer}"
         )
         assert (page.locator("[role=status] >> text=is there already").count() == 1) == (not name)
     page.wait_for_selector("h2:text-is('mine.toml')")

@@ -159,7 +159,7 @@ def _job_of(kind: str, given: Keyed, workspace: Workspace, folder: str = "") -> 
     places = {"folder": dirname(values.get("map", "")), "suffix": ".fmu" if values.get("to") == "fmu" else ""}
     out = folder or form["out"].format(**values, **places).lstrip("/")
     if kind == "size" and values["name"].lower().endswith(DESCRIPTIONS):
-        raise CommandError(f"{out} is the name of a task file, not of a folder", remedy="Leave out the ending.")
+        raise CommandError(f"{out} is the name of a task file, not of a folder", remedy="Leave out the extension.")
     named = {each.option or each.key: values[each.key] for each in form["inputs"]}
     named |= {"rig": RIG} if kind == "design" else {}
     names: list[str] = []
