@@ -1,7 +1,7 @@
-"""Signals of a recording, balances along the recording, runs with its command, and metrics of their residuals.
+"""Signals of a recording, force and pressure balances along it, simulations of its command, and residual metrics.
 
-A residual is measurement minus model. Bounds of correlations assume white residuals. The free run of a wrong model
-never has white residuals, and the test shows this. Sources of the tests: [ljung1978], [mathworks-residuals].
+A residual is measurement minus model. The 95 % bounds of the correlations hold for white residuals. If the model is
+wrong, the residuals of its free run are not white. Sources of the tests: [ljung1978], [mathworks-residuals].
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ class Metrics:
 
 
 def metrics(measured: Array, model: Array) -> Metrics:
-    """Return the metrics of a model compared with a measurement, without samples at which the model is NaN.
+    """Return the metrics of a model compared with a measurement. Samples at which the model is NaN do not count.
 
     Examples
     --------
@@ -110,9 +110,9 @@ def whiteness(residual: Array) -> NamedNumbers:
 
 
 def cross_correlations(residual: Array, signals: Mapping[str, Array]) -> NamedNumbers:
-    """Return the strongest correlation of a residual with each signal that changes, within +/- LAGS samples.
+    """Return the strongest correlation of a residual with each varying signal over all lags up to +/- `LAGS` samples.
 
-    The strongest of all signals comes first. A residual without values has no correlations.
+    The signal with the strongest correlation comes first. If all values of the residual are NaN, the result is empty.
     """
     there = np.isfinite(residual)
     if not there.any():
@@ -136,7 +136,7 @@ NONE_HELD_OUT = "no recording was held out: all were used for the fit, so nothin
 
 
 def badge_of(name: str, sha256: str, fitted: Mapping[str, str]) -> str:
-    """Return the badge of a recording; empty if no recordings of a fit are known.
+    """Return whether a recording ``made the fit`` or was ``held out``; empty if the recordings of the fit are unknown.
 
     Parameters
     ----------
@@ -206,17 +206,17 @@ class Signals:
 
     @property
     def half(self) -> int:
-        """Number of samples on each side in the window for derivatives."""
+        """Number of samples on each side of the middle of the window for derivatives."""
         return max(LEAST_HALF, round(HALF_WINDOW_S / self.step_s))
 
     def smooth(self, values: Array, order: int = 0, half: int | None = None) -> Array:
-        """Return values smoothed by local cubics, or their time derivative of this order; NaN stays NaN."""
+        """Return values smoothed by local cubics, or the time derivative of this order. It is NaN near NaN values."""
         width = min(2 * (half or self.half) + 1, (values.size - 1) // 2 * 2 - 1)
         return np.asarray(savgol_filter(values, width, 3, deriv=order, delta=self.step_s), dtype=float)
 
     @cached_property
     def velocity_unsure_m_s(self) -> Array:
-        """Uncertainty of the velocity at each sample due to the window: change if the window is halved."""
+        """Uncertainty of the smoothed velocity at each sample: its change if the window is halved."""
         if "velocity_m_s" in self.recording:
             return np.zeros_like(self.position_m)
         halved = self.smooth(self.position_m, 1, max(self.half // 2, LEAST_HALF - 1))
@@ -224,7 +224,7 @@ class Signals:
 
     @cached_property
     def velocity_m_s(self) -> Array:
-        """Measured velocity, or otherwise slope of a local cubic."""
+        """Measured velocity, or, if it was not measured, slope of a local cubic of the position."""
         if "velocity_m_s" in self.recording:
             return np.interp(self.time_s, self.recording.time_s, self.recording["velocity_m_s"])
         return self.smooth(self.position_m, 1)
@@ -241,7 +241,7 @@ class Signals:
 
     @cached_property
     def moving(self) -> Bools:
-        """Mask of samples with a speed beyond its noise, which comes from that of the position if not measured."""
+        """Mask of samples with a speed above its noise. The noise of a derived velocity follows from the position."""
         if "velocity_m_s" in self.recording:
             noise_m_s = noise_level(self.velocity_m_s)
         else:
@@ -356,7 +356,7 @@ class Scene:
     position : ndarray, shape (n,)
     pressures : tuple of ndarray, shape (n,)
     opened : ndarray, shape (n, 4)
-        Open fraction of the full conductance of each edge of the valve.
+        Conductance of each edge of the valve, as a fraction of its full conductance.
     explained : ndarray, shape (3, n), or 0.0
         Part of the residuals explained by causes that a description cannot contain.
     """
@@ -375,12 +375,12 @@ class Scene:
         return cls(drive, signals, signals.position_m, pressures, at_samples(openings(drive, signals.command)))
 
     def less(self, values: Array) -> Scene:
-        """Return the scene with a further part of the residuals, shape (3, n), marked as explained."""
+        """Return the scene with further residuals marked as explained (`values`, shape (3, n))."""
         return replace(self, explained=self.explained + values)
 
     @cached_property
     def terms(self) -> Columns:
-        """Terms of the balances at each sample: forces; flows and pressure rates without tubes and flow controls.
+        """Forces, flows and pressure rates in the balances at each sample, without tubes and flow controls.
 
         ``force_n`` has all forces in +x except friction: pressures, weight, load, spring, end stops. ``friction_n`` is
         the friction of steady sliding at the measured velocity; it opposes v > 0.
@@ -395,12 +395,12 @@ class Scene:
 
     @property
     def half(self) -> int:
-        """Number of samples on each side of a kernel's middle."""
+        """Number of samples on each side of the middle of the kernel."""
         return max(LEAST_SAMPLES, round(HALF_SUPPORT_S / self.signals.step_s))
 
     @property
     def kernel(self) -> tuple[Array, Array, Array]:
-        """Kernel, and its first and second derivative."""
+        """Smoothing kernel, and its first and second time derivative."""
         return kernel(self.half, self.signals.step_s)
 
     @property
@@ -410,7 +410,7 @@ class Scene:
 
     @cached_property
     def residuals(self) -> Array:
-        """Residuals at `time_s`, shape (3, n): of the force in N, and of the pressure rates in Pa/s."""
+        """Residuals of the force in N and of both pressure rates in Pa/s, at `time_s`; shape (3, n)."""
         (k0, k1, k2), terms = self.kernel, self.terms
         inertia = moving_mass(self.drive) * np.convolve(self.position, k2, "valid")
         force = inertia - np.convolve(terms["force_n"] - terms["friction_n"], k0, "valid")
@@ -422,7 +422,7 @@ class Scene:
 
     @cached_property
     def used(self) -> Bools:
-        """Valid samples of each balance at `time_s`, shape (3, n).
+        """Mask of the samples at `time_s` at which each balance is valid; shape (3, n).
 
         The force balance is valid in sliding after presliding, away from end stops. Pressure rates are valid except at
         impacts.
@@ -438,9 +438,9 @@ class Scene:
 
     @cached_property
     def scale(self) -> Array:
-        """Standard deviations of the residuals, shape (3, n), at least `FLOOR` of the terms.
+        """Standard deviation of each residual, at least the fraction `FLOOR` of the terms of its balance; shape (3, n).
 
-        The residuals contain sensor noise and the effect of the finite window for velocities.
+        It contains sensor noise and the effect of the finite window for velocities.
         """
         drive, signals, terms, (k0, k1, k2) = self.drive, self.signals, self.terms, self.kernel
         cylinder, x, unsure = drive.cylinder, signals.position_m, signals.velocity_unsure_m_s
@@ -488,7 +488,7 @@ def moving_mass(drive: Drive) -> float:
 
 
 def at_samples(held: Array) -> Array:
-    """Return the mean of the values before and after each sample, so that sums are correct at command steps."""
+    """Return the mean of the values before and after each sample, so that time sums are correct at command steps."""
     return 0.5 * (held + np.vstack([held[:1], held[:-1]]))
 
 
@@ -496,7 +496,7 @@ def at_samples(held: Array) -> Array:
 def kernel(half: int, step_s: float) -> tuple[Array, Array, Array]:
     """Return (1 - s^2)^4 on 2 half + 1 samples with unit sum, and its first and second time derivatives.
 
-    Sums are corrected to equal the integrals: the first derivative is 0 for a constant and 1 for a ramp, and the second
+    Sums are corrected to equal the integrals: the first derivative of a constant is 0 and that of t is 1; the second
     derivative of t^2/2 is 1. Without this correction, a constant position would appear as a force.
     """
     s = np.arange(-half, half + 1) / (half + 1)
@@ -656,10 +656,11 @@ def run_model(drive: Drive, signals: Signals, restarts: Ints | None = None) -> M
 
 
 def breakaways(drive: Drive, signals: Signals) -> tuple[RecordedBreakaway, ...]:
-    """Compare modelled and measured breakaway at each stop. The model starts from the measured state.
+    """Compare modelled and measured breakaway after each stop. The model starts from the measured state.
 
-    The peak occurs before the piston has moved by the bristle deflection. Forces and positions are smoothed in the same
-    way. The first samples of a stop are left out, because smoothing mixes them with the motion before the stop.
+    Breakaway is the peak of friction before the piston has moved by the bristle deflection. Forces and positions are
+    smoothed in the same way. The first samples of a stop are left out, because smoothing mixes them with the motion
+    before the stop.
     """
     still, touching = ~signals.moving, near_stops(drive, signals)
     edges = np.flatnonzero(np.diff(still, prepend=False, append=False))

@@ -55,11 +55,11 @@ class Cause:
     change : callable or None
         (scene, amount) -> changed scene.
     ratio : callable or None
-        Scene -> ratio of the pressures after and before a leak at each sample, and critical ratio of the leak.
+        Scene -> ratio of downstream to upstream pressure of a leak at each sample, and its critical pressure ratio.
     profile : callable or None
         Scene -> columns, for a cause with several coefficients.
     parts : int
-        Number of coefficients; a cause with more coefficients explains more by chance.
+        Number of coefficients. A cause with more coefficients explains more of the residual by chance.
     bounds : tuple of float
         Smallest and largest amount that a description allows.
     described : bool
@@ -188,7 +188,7 @@ def _pressure_friction(drive: Drive, amount: float) -> Plain:
 
 
 def _direction(drive: Drive, amount: float) -> Plain:
-    """Increase friction towards +x and decrease it towards -x by this fraction."""
+    """Increase the friction in motion towards +x, and decrease it in motion towards -x, by the fraction `amount`."""
     old = drive.friction.direction
     positive, negative = (1.0, 1.0) if old is None else (old.positive, old.negative)
     return {"friction.direction": {"positive": positive * (1.0 + amount), "negative": negative * (1.0 - amount)}}
@@ -227,9 +227,11 @@ _supply = _drive(lambda drive, amount: {"supply.pressure": f"{drive.supply_press
 
 
 def _opened(how: Callable[[Array, Array], Array], *edges: int) -> Change:
-    """Return the change to the openings of valve edges by `how`: (openings, amount at each edge) -> openings.
+    """Return a change that applies `how` to the openings of some valve edges.
 
-    `numpy.add` models a leak: the edges stay open by a fraction of the full conductance.
+    `how` is a function (openings, amount at each edge) -> openings.
+
+    With `numpy.add`, it models a leak: each edge passes a further fraction of its full conductance.
     """
 
     def change(scene: Scene, amount: float) -> Scene:
@@ -241,12 +243,12 @@ def _opened(how: Callable[[Array, Array], Array], *edges: int) -> Change:
 
 
 def _edges(*edges: int) -> Change:
-    """Return the change to the conductance of valve edges by a fraction."""
+    """Return a change that scales the conductance of some valve edges by 1 + amount."""
     return _opened(lambda opened, share: np.maximum(opened * (1.0 + share), 0.0), *edges)
 
 
 def _command(how: Callable[[Array, float, float], Array]) -> Change:
-    """Return the change to the openings under a command changed by `how`: (command, amount, step) -> command."""
+    """Return a change that opens the valve for another command, `how` (command, amount, sampling step) -> command."""
 
     def change(scene: Scene, amount: float) -> Scene:
         return _reopened(scene, scene.drive, how(scene.signals.command, amount, scene.signals.step_s))
@@ -261,7 +263,7 @@ def _overlap(scene: Scene, amount: float) -> Scene:
 
 
 def _reopened(scene: Scene, drive: Drive, command: Array) -> Scene:
-    """Return the scene of another drive. The openings change by the difference between both valves at this command."""
+    """Return the scene with another drive and the changed openings of its valve under this command."""
     before = at_samples(openings(scene.drive, scene.signals.command))
     after = at_samples(openings(drive, command))
     return replace(scene, drive=drive, opened=np.maximum(scene.opened + after - before, 0.0))
@@ -274,7 +276,7 @@ def _delayed(command: Array, delay_s: float, step_s: float) -> Array:
 
 
 def _sag(lag_s: float) -> Change:
-    """Return a drop of the supply pressure that follows the flow with a first-order lag. Amount: largest drop in Pa."""
+    """Return a change that lowers the supply pressure in proportion to the lagged flow, by at most the amount in Pa."""
 
     def change(scene: Scene, amount: float) -> Scene:
         step = 1e-3 * scene.drive.supply_pressure_pa
@@ -294,7 +296,7 @@ def _leakage(drive: Drive, share: float) -> float:
 
 
 def _to_ambient(chamber: int) -> Callable[[Scene], tuple[Array, float]]:
-    """Return a function: scene -> pressure ratio of a leak to the ambient air, and critical ratio of the leak."""
+    """Return a function: scene -> pressure ratio over a leak to the ambient air, and critical ratio of the leak."""
     return lambda scene: (
         scene.drive.ambient.pressure_pa / scene.pressures[chamber],
         scene.drive.valve.critical_pressure_ratio,
@@ -317,7 +319,7 @@ def _dead_volume(sides: str) -> Change:
 
 
 def _sensor(position: float = 0.0, a: float = 0.0, b: float = 0.0) -> Change:
-    """Return the change for sensors that read too high by an amount: the true values are lower."""
+    """Return a change for sensors that read too high by an amount: it lowers the values by this amount."""
 
     def change(scene: Scene, amount: float) -> Scene:
         p_a, p_b = scene.pressures

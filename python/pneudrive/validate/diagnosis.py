@@ -4,10 +4,11 @@ The residuals of the force balance and of both pressure rates are weighted with 
 Each cause is fitted separately by least squares, and its amount is refined on the nonlinear equations (Gauss-Newton).
 The cause that explains the most is added to the model, and the search continues with the remaining residual.
 
-    share explained = 1 - |e(changed model)|^2 / |e(model)|^2
+    explained fraction = 1 - |e(changed model)|^2 / |e(model)|^2
 
 A search for values, such as `identify`, compensates an unmodelled effect by wrong values. The best causes are therefore
-also fitted together with these values. The joint fit is used if its residual is much smaller.
+also fitted together with their companions, which are changes of the identified values. The joint fit is used if its
+residual is much smaller.
 
 Standard errors come from the scores of blocks of 0.25 s, because neighbouring samples are correlated.
 """
@@ -134,7 +135,7 @@ class Diagnosis(Shown):
     left : float
         Fraction of the squared residual that no cause explains.
     alone : tuple of (str, float, float)
-        Key, amount and explained fraction (linear) of each cause on its own, best first.
+        Key, amount and explained fraction of each cause fitted on its own to the first residual, best first.
     """
 
     size: NamedNumbers
@@ -167,8 +168,8 @@ class _Fit:
     ----------
     causes : list of Cause
     amounts, columns : ndarray, shape (causes,), (causes, n)
-        Amounts, and effect of a unit of each cause on the stacked residual, without the part that other causes can
-        replace.
+        Amount of each cause, and effect of a unit of the cause on the stacked residual. The effect does not contain
+        the part that the other causes can compensate.
     after : ndarray
         Stacked residual that remains.
     share : float
@@ -204,7 +205,7 @@ class _Fit:
 
 
 class _Regression:
-    """Weighted, stacked residuals of several recordings, and the fit of causes to them.
+    """Stacked, weighted residuals of all recordings. Its methods fit causes to these residuals.
 
     Attributes
     ----------
@@ -264,7 +265,7 @@ class _Regression:
             return by_name(BALANCES, np.sqrt(sums / counts).tolist())
 
     def is_dirty(self, e: Array) -> bool:
-        """Return whether a residual is large enough to look for causes."""
+        """Return whether a residual is so large that its causes must be found."""
         return any(value > SOUGHT for value in self.sizes(e).values())
 
     def stderr(self, fit: _Fit) -> float:
@@ -279,7 +280,7 @@ class _Regression:
     def is_shown(self, fit: _Fit) -> bool:
         """Return whether a cause is relevant and significant.
 
-        If the balances clearly do not close, any amount is relevant.
+        If the residual of a balance is clearly too large, any amount is relevant.
         """
         is_open = any(value > CLEAN for value in self.sizes(self.left).values())
         worth = is_open or abs(fit.amount) >= fit.cause.least
@@ -290,7 +291,7 @@ class _Regression:
         return 1.0 - fit.share <= RIVAL * (1.0 - best.share) or not self.is_dirty(fit.after)
 
     def fits(self, skipped: set[str], number: int) -> list[_Fit]:
-        """Fit each cause separately, then the best causes with compensating values. Return the fits, best first."""
+        """Fit each cause on its own, then the best causes with their companions. Return the fits, best first."""
         wanted = [cause for key, cause in self.causes.items() if key not in skipped]
         columns, linear = {}, []  # linear effect of a unit of each cause that has an effect on the residual
         for cause in self.watch.each(list(self.causes.values()), f"causes tested after {number} found"):
@@ -315,10 +316,10 @@ class _Regression:
         return [*joint, *alone]
 
     def together(self, share: float, wanted: list[Cause], columns: Columns) -> list[_Fit]:
-        """Fit each cause together with compensating values.
+        """Fit the best causes, each with its companions: the causes that change identified (or `COMPENSATING`) values.
 
-        Return these fits only if one of them leaves a much smaller residual than any single cause. A fit of the
-        companions without the cause is also considered, so that a wrong value is not mistaken for another cause.
+        Return only fits with a much smaller residual than that of any single cause, and than that of the companions
+        alone. A wrong identified value is therefore not mistaken for another cause.
         """
         values = frozenset(self.scenes[0].drive.provenance) or COMPENSATING
         companions = [c for c in self.causes.values() if c.free and values.issuperset(c.free)]
@@ -366,7 +367,7 @@ class _Regression:
         return best
 
     def profile(self, cause: Cause) -> list[_Fit]:
-        """Fit a cause of several columns. Its amount is the amplitude over the travelled range."""
+        """Fit a cause with several columns. Its amount is half the range of the fitted profile over the travel."""
         profile = cause.profile
         assert profile is not None
         shapes = [profile(scene) for scene in self.scenes]  # columns of each recording
@@ -385,7 +386,7 @@ class _Regression:
         return [_Fit.single(replace(cause, change=change), amount, effect / amount, self.left - effect, self.left)]
 
     def companion(self, fit: _Fit, k: int) -> _Fit:
-        """Return the k-th companion of a cause as a separate cause, with its part of the residual."""
+        """Return the fit of the k-th companion of a cause, with the fraction of the residual that it explains."""
         others = [at for at in range(len(fit.causes)) if at != k]
         without = self.residual([fit.causes[at] for at in others], fit.amounts[others])
         left = fit.after if without is None else without
@@ -409,8 +410,8 @@ class _Regression:
         """Return the range of amounts of a leak over its possible critical pressure ratios; None for other causes.
 
         The shape of a leak is unknown. Its critical ratio is 0 for a narrow gap and 0.53 for a nozzle [iso6358-2013].
-        For each flow law, the effect of the leak is rescaled at each sample. The range covers the laws whose residual
-        is close to the smallest.
+        For each critical ratio, the effect of the leak is rescaled at each sample. The range covers all critical ratios
+        with a residual close to the smallest.
         """
         if fit.cause.ratio is None:
             return None

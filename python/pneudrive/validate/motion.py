@@ -1,6 +1,6 @@
 """Validation of a friction law, of a circuit along recorded motions, and of a regulator; balance of measured forces.
 
-For a circuit along motions, only start and delay of each recording are fitted.
+In the validation of a circuit along motions, only start state and pressure delay of each recording are fitted.
 """
 
 from __future__ import annotations
@@ -79,12 +79,12 @@ class FrictionValidation(Reported):
 
     @property
     def inside(self) -> float:
-        """Fraction of all points whose 95 % band contains the law."""
+        """Fraction of all points whose 95 % band contains the friction of the law."""
         return fraction_inside(self.points)
 
     @property
     def met(self) -> bool:
-        """Whether the target is reached."""
+        """Whether the fit of the law to all points is above `STATIC_FIT_PERCENT`."""
         return self.metrics.fit_percent > STATIC_FIT_PERCENT
 
     def write(self, folder: str | Path) -> list[Path]:
@@ -99,12 +99,12 @@ class FrictionValidation(Reported):
 
 
 def agreement(points: pl.DataFrame) -> Metrics:
-    """Return the metrics of the law compared with measured points."""
+    """Return the metrics of the law's friction compared with measured friction."""
     return metrics(points["friction_n"].to_numpy(), points["model_n"].to_numpy())
 
 
 def fraction_inside(points: pl.DataFrame) -> float:
-    """Return the fraction of the points whose 95 % band contains the law."""
+    """Return the fraction of the points whose 95 % band contains the friction of the law."""
     return float(points["model_n"].is_between(points["low_n"], points["high_n"]).to_numpy().mean())
 
 
@@ -144,7 +144,7 @@ def validate_friction(drive: Drive, path: str | Path) -> FrictionValidation:
 def _curve(
     drive: Drive, condition: str, direction: int, gauges_pa: Iterable[float], speed_m_s: Array, *measured_n: Array
 ) -> pl.DataFrame:
-    """Return measured friction with its band, and the law's friction in one direction; for 0, the mean of both."""
+    """Return measured friction with its band, and the law's friction (direction 0: its mean over both directions)."""
     core, (gauge_a_pa, gauge_b_pa), middle_m = drive.friction.core(), gauges_pa, 0.5 * drive.cylinder.stroke_m
     signs = (direction,) if direction else (1, -1)
     sides = [steady_friction(core, sign * speed_m_s, gauge_a_pa, gauge_b_pa, middle_m) for sign in signs]
@@ -181,7 +181,7 @@ def _of_map(drive: Drive, path: Path) -> Iterator[pl.DataFrame]:
 
 
 def _of_campaign(drive: Drive, path: Path) -> Iterator[pl.DataFrame]:
-    """Yield the curves of a campaign: both directions, or their mean if there is only the mean."""
+    """Yield a curve for each direction, or a curve of the mean if the campaign has only the mean of both directions."""
     from pneudrive.friction.campaign.characteristics import campaign_friction
 
     found = campaign_friction(path)
@@ -215,8 +215,8 @@ class Closure:
     ----------
     name : str
     rms_n, share : float
-        RMS residual at stated areas, with offset and friction ``d + e |v|`` for each direction: in N, and as a fraction
-        of the range.
+        RMS residual in N, and as a fraction of the range of the measured force. The areas have their stated values.
+        Offset and friction ``d + e |v|`` of each direction are fitted.
     friction_n : dict
         Direction -> friction at zero speed in N, and slope over speed in N s/m.
     offset_n : float
@@ -231,7 +231,7 @@ class Closure:
     time_s, residual_n : ndarray
         Residuals of the samples in sliding.
     doubts : tuple of str
-        Likely causes of a balance that does not close.
+        Likely causes of a large residual.
     delay : PressureDelay or None
         Delay of the pressures of closed chambers relative to the motion. A significant delay was removed before the
         balance.
@@ -372,7 +372,7 @@ class _Sliding:
 
 
 def _doubts(recording: Recording, sliding: _Sliding, share: float, *, brakes: bool) -> list[str]:
-    """Return likely causes of a balance that does not close, or in which friction drives the motion."""
+    """Return likely causes of a balance with a large residual, or with friction that drives the motion."""
     if share < TARGET and brakes:
         return []
     turned = replace(recording, force_n=-recording.force_n)
@@ -436,7 +436,7 @@ class MotionValidation(Reported):
 
     @property
     def verdicts(self) -> tuple[tuple[bool, str], ...]:
-        """Whether each target is met, with a sentence. Pressures are compared in held-out recordings, if any."""
+        """Whether each target is met, with a sentence. If recordings were held out, only their pressures count."""
         found = []
         for record in self.records:
             if self.badges.get(record.name) == MADE and HELD_OUT in [self.badges[r.name] for r in self.records]:
@@ -532,7 +532,7 @@ def validate_motion(
 
 @dataclass(frozen=True, eq=False, repr=False)
 class RegulatorValidation(Reported):
-    """The fit of a regulator compared with runs. All values are fixed. A run starts at the first measured pressure.
+    """Comparison of a fitted regulator with runs. Each simulation starts at the first measured pressure of the run.
 
     Attributes
     ----------
@@ -540,7 +540,7 @@ class RegulatorValidation(Reported):
     runs : tuple of dict
         ``name``, ``rms_pa`` of measured minus simulated pressure, ``percent`` of the range, ``badge``.
     fitted : dict
-        Name of a run -> both pressures.
+        Name of a run -> measured and simulated pressure.
     """
 
     fit: RegulatorFit
@@ -555,7 +555,7 @@ class RegulatorValidation(Reported):
         return [*(NONE_HELD_OUT,) * made, f"the fit itself has an rms of {100 * size:.2f} % of the range"]
 
     def view(self) -> View:
-        """Return the residual of each run, and measured and simulated pressures."""
+        """Return a view: the residual of each run, and measured and simulated pressures."""
         rows = []
         for run in self.runs:
             own = run["name"]

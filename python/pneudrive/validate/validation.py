@@ -94,7 +94,7 @@ class RecordResult(Shown):
 
 @dataclass(frozen=True)
 class Verdict:
-    """Verdict on one target: reached value, target, and whether the target is met; None without data.
+    """Verdict on one target: reached value, target, and whether the target is met (None if it was not tested).
 
     Attributes
     ----------
@@ -152,7 +152,7 @@ class Validation(Viewed):
 
     @cached_property
     def verdicts(self) -> tuple[Verdict, ...]:
-        """Verdicts on all targets, from held-out recordings, if any."""
+        """Verdicts on all targets. If recordings were held out of the fit, the verdicts use only these."""
         held_out = tuple(r for r in self.records if self.badge(r) == balance.HELD_OUT)
         if 0 < len(held_out) < len(self.records):
             return replace(self, records=held_out).verdicts
@@ -175,7 +175,7 @@ class Validation(Viewed):
 
     @cached_property
     def conditions(self) -> list[Plain]:
-        """Return the metrics of free runs and of runs from measured states, for each value of each varying label."""
+        """Metrics of free runs and of runs from measured states, for each value of the labels that vary."""
         rows = []
         for key in dict.fromkeys(key for r in self.records for key in r.recording.labels):
             values = sorted({r.recording.labels.get(key, "-") for r in self.records})
@@ -318,7 +318,7 @@ def validate(
         result of ``pn.simulate``, or a mapping of SI columns (time_s, command, position_m, pressure_a_pa,
         pressure_b_pa).
     follow : {"motion"}, optional
-        The piston of a circuit follows the recorded position, see `pneudrive.validate_motion`.
+        With ``"motion"``, the piston of a circuit follows the recorded position, see `pneudrive.validate_motion`.
     layout
         Layout of foreign files. None: ``layout.toml`` next to the file.
     window_s : float
@@ -394,7 +394,7 @@ SWITCHES = "The valve has switching times, but the balances assume immediate swi
 
 
 def _notes(records: Sequence[RecordResult]) -> Iterator[str]:
-    """Return notes on a model that moves in the wrong direction, and on samples without a result.
+    """Yield notes on a piston at rest, on a reversed motion, on swapped chambers and on samples without a result.
 
     Samples without a result are not part of the metrics.
     """
