@@ -25,7 +25,7 @@ Find = Callable[..., Found]
 
 
 class ResultValue(NamedTuple):
-    """One result: its dimensions, values, unit and meaning."""
+    """Dimensions, values, unit and meaning of one result."""
 
     dims: tuple[str, ...]
     values: Any
@@ -51,20 +51,20 @@ class Characteristic:
     algorithm : str
         Method of calculation.
     find : callable
-        Gets a `HeldDrive` and settings by keyword; returns values of axes and results by name, or as a tuple in the
-        order of its docstring.
+        Function of a `HeldDrive` and of settings by keyword. It returns the values of axes and results by name, or as
+        a tuple in the order of its docstring.
     standard : str
         Standard that defines the characteristic, or empty. "form of" a standard: its definition under other conditions.
     cites : tuple of str
         Keys of references.bib.
     x, y : str
-        Axis and results of the figure; y may be several, separated by spaces.
+        Axis and results of the figure. `y` may contain several names, separated by spaces.
     settings : dict
         Name of a setting -> its default and meaning.
     results : dict
         Name of a result or axis -> unit and axes (``"m/s over command"``), and meaning.
     held : bool
-        Whether the drive is evaluated at fixed states: valves without lag, cylinder without cushions.
+        Whether the drive is evaluated without valve lags and cushions (`HeldDrive.static`).
     needs_shares : bool
         Whether the characteristic needs partial valve openings, which switching valves do not have.
     """
@@ -86,7 +86,7 @@ class Characteristic:
     def of(self, plant: HeldDrive, **settings: Any) -> xr.Dataset:  # noqa: ANN401 - of each characteristic its own
         """Return the characteristic for one drive, without intervals.
 
-        A result has unit and meaning from the function if it states them, otherwise from its docstring.
+        Unit and meaning of a result come from the function `find` if it returns them, otherwise from its docstring.
         """
         import xarray as xr
 
@@ -160,7 +160,7 @@ def results_of(found: xr.Dataset) -> list[str]:
 def value_rows(
     found: xr.Dataset, write: Callable[[float, str], str] = lambda value, _: f"{value:.5g}"
 ) -> Iterator[tuple[str, str, float, float | None, float | None]]:
-    """Yield result, formatted coordinates, value, and both bounds of the interval.
+    """Yield each value with the name of its result, its formatted coordinates, and both bounds of its interval.
 
     Parameters
     ----------

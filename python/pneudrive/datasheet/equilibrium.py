@@ -88,7 +88,8 @@ def equilibrium(
 ) -> Equilibrium:
     """Return the steady state of a drive under a command, with the piston at mid stroke.
 
-    The core evaluates the rates at each trial state. Implicit Euler steps that grow into Newton steps find their zero.
+    The core evaluates the rates at each trial state. The solver finds the state with zero rates by implicit Euler
+    steps, which become Newton steps as they grow.
 
     Parameters
     ----------
@@ -97,7 +98,8 @@ def equilibrium(
     command : float
         Command of the valve in [-1, 1].
     load : str or float, optional
-        Force in +x: ``"-100 N"``, or a number in N. The velocity is that under this load. Default: a pinned piston.
+        Force in +x: ``"-100 N"``, or a number in N. The piston moves at its steady velocity under this load. Default:
+        a pinned piston.
 
     Returns
     -------
@@ -339,7 +341,7 @@ def linearise(
 
 
 def open_command(plant: HeldDrive, command: float, side: float = 1.0) -> float:
-    """Return a command, but instead of 0 the command at which the valve begins to open to a side.
+    """Return a command unchanged; for 0, return the command at which the valve begins to open to a side.
 
     Raises
     ------

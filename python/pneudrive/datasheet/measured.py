@@ -1,4 +1,4 @@
-"""Recordings compared with the simulation: the same definitions applied to both."""
+"""Comparison of recordings with simulations, with the same definitions for both."""
 
 from __future__ import annotations
 
@@ -108,7 +108,7 @@ class ComparedNumber:
     Attributes
     ----------
     stroke : str
-        Command and direction; for the air of cycles, their half period.
+        Command and direction of the stroke. For the air of a cycle: half period of the cycle.
     name, unit : str
     measured, low, high : float
         Mean of the repeats and its 95 % interval, whose ends are NaN for a single stroke.

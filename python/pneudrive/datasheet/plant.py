@@ -251,7 +251,7 @@ class HeldDrive:
         return HeldDrive(type(self.circuit).model_validate(tables), actuation=self.actuation)
 
     def sizes(self, commands: Sequence[float]) -> tuple[float, ...]:
-        """Return the possible magnitudes of a command for the valves: only 1 if a valve switches."""
+        """Return the given magnitudes of a command, or only 1 if a valve has no partial openings."""
         return tuple(commands) if self.actuation.has_shares else (1.0,)
 
     def plans(self, steps: Sequence[Pair]) -> dict[str, str]:
@@ -348,7 +348,7 @@ class HeldDrive:
 
     @property
     def hanging_n(self) -> float:
-        """Force (N) on piston and moved bodies without pressure: weight, or weight and loads if that is more."""
+        """Force (N) on piston and moved bodies without pressure: the larger of weight alone and weight with loads."""
         weight = 0.0
         for name in self.moved:
             incline = getattr(self.parts[name], "incline", 0.0)

@@ -35,7 +35,7 @@ HEAT_CONFIDENCE = 0.95
 
 
 class UncertainDrive:
-    """Drive with its variants at the bounds of uncertain values; all characteristics share these variants.
+    """Drive, and its variants with one uncertain value at a bound. All characteristics use the same variants.
 
     Parameters
     ----------
@@ -49,7 +49,7 @@ class UncertainDrive:
 
     @cached_property
     def variants(self) -> tuple[dict[str, list[HeldDrive]], list[str]]:
-        """The drive at both bounds of each uncertain value, by name, and the names of values with an open interval."""
+        """The drive at both bounds of each uncertain value, by name, and the names of values without usable bounds."""
         drive: Any = self.plant.described
         changes: dict[str, list[Plain]] = {}
         # The assumed factor of heat transfer, which is the same for all chambers that follow the law.
@@ -208,7 +208,7 @@ def drive_characteristic(
     Raises
     ------
     CommandError
-        The characteristic or the setting does not exist, or the drive does not have it.
+        The characteristic or the setting does not exist, or the drive does not have this characteristic.
     SimulationError
         A state that the characteristic needs does not exist, or a run fails.
     Cancelled
@@ -247,12 +247,12 @@ _SIGNED = ("position", "command")  # other settings are greater than 0
 
 
 def _read_setting(one: Characteristic, name: str, value: Any) -> Any:  # noqa: ANN401 - of each setting its own
-    """Return a setting in SI. It is given as a quantity with or without its unit, or as a number.
+    """Return a setting in SI. The value is a number, or a quantity with or without its unit.
 
     Raises
     ------
     CommandError
-        There is no such setting, or it has another form, or it is not greater than 0 although it must be.
+        The setting does not exist, its value has the wrong form, or the value must be positive and is not.
     """
     if name not in one.settings:
         raise CommandError(f"{one.name} has no setting {name!r}", remedy=nearest(name, one.settings))

@@ -81,7 +81,7 @@ OF_A_SHEET: tuple[str, ...] = tuple(package_table(__file__, "sheet.toml")["chara
 
 
 class SheetNumber(NamedTuple):
-    """A headline number: name, values out and back (or a single value), and standard."""
+    """A headline number with its values for both strokes, or a single value in `out`, and its standard."""
 
     name: str
     out: str
@@ -101,7 +101,7 @@ class Datasheet(Viewed):
     results : dict
         Characteristic -> data set.
     failed : dict
-        Characteristic -> reason why the drive does not have it.
+        Characteristic -> reason why it cannot be computed for the drive.
     measured : MeasuredBeside or None
     hazards : tuple of Finding
         Findings that endanger people or the machine.
@@ -285,7 +285,7 @@ def _hazards(plant: HeldDrive, results: dict[str, xr.Dataset]) -> Iterator[Findi
 
 
 def energy_limit_j(plant: HeldDrive) -> float:
-    """Return the largest admissible energy (J) of an impact, by the label `impact_energy` or assumed from the bore."""
+    """Return the largest admissible energy (J) of an impact: the label `impact_energy`, or an assumed value by bore."""
     stated = plant.described.labels.get("impact_energy")
     if stated is not None:
         return number_of(stated, "J", "labels.impact_energy")

@@ -60,7 +60,8 @@ def reduce_flow(
 ) -> tuple[float, float, float]:
     """Return sonic conductance, critical pressure ratio and largest relative misfit of measured flows.
 
-    The choked flow gives a first C. Then b and C are fitted to all points by least squares on the core's flow function.
+    The start value of C follows from the choked flow. Then b and C are fitted to all points by least squares on the
+    core's flow function.
     """
     from scipy.optimize import least_squares
 
@@ -224,7 +225,7 @@ FIGURES: dict[str, tuple[str, str, Callable[[Drive], float]]] = {
 
 
 def parts_of(drive: Drive) -> Iterator[Entry]:
-    """Yield the parts of the catalogue whose values with a source all occur in the drive."""
+    """Yield the valves and cylinders of the catalogue whose sourced values are all equal to those of the drive."""
     own = {key: origin.value for key, origin in drive.origin_of.items()}
     for part in entries().values():
         table = part.kind.partition("/")[0]

@@ -50,8 +50,8 @@ class StrokeNumbers(Viewed):
     overshoot, way, mean_speed, top_speed, end_speed, end_energy, peak_pressure_a, peak_pressure_b : float
         See `STROKE_MEANING`. Speeds are positive.
     begin_within : float
-        Largest delay in s of the start of the stroke after its command: the sample interval if only the samples show
-        the command. The true times from the command are longer by at most this delay.
+        Largest time (s) from the command to the start of the counted times: the sample interval if only the samples
+        show the command. The true times from the command are longer by at most this value.
     """
 
     direction: int
@@ -150,10 +150,10 @@ def stroke_numbers(
     mass_kg : float
         Moving mass with its load.
     begin_s, end_s : float
-        Time of the command that starts the stroke, and of the next one. Between two samples, the start is interpolated.
+        Time of the command that starts the stroke, and of the next one. A start between two samples is interpolated.
     impacts : sequence of mappings
-        Contacts with the ends from a simulation; those of other strokes are left out. Otherwise a contact is the
-        arrival of the position at the end.
+        Contacts with the ends from a simulation; contacts of other strokes are ignored. Without contacts, the piston
+        is at the end as soon as its position is.
     direction : int
         Direction of the command: 1 towards the end of chamber b, -1 towards the end of chamber a. 0: direction of the
         piston.

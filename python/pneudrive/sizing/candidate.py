@@ -103,7 +103,7 @@ class TubedCylinder:
         return [StrokeRuns(strokes, way, cases(task, way)[[0, 2]], ones) for way in (True, False)]
 
     def take(self, task: SizingTask, out: StrokeResults, back: StrokeResults) -> list[SizingCandidate]:
-        """Store the results of the probe, and return the choices of parts with the pair; empty if they are too late."""
+        """Store the results of the probe, and return the candidates with the pair; empty if a stroke is too slow."""
         self.air = float(out.air[0] + back.air[0])
         self.times = float(out.time[0]), float(back.time[0])
         for way, (_, time), limit in (("out", out.time, task.outward_s), ("back", back.time, task.back_s)):
@@ -220,7 +220,7 @@ class SizingCandidate:
 
     @property
     def is_slow(self) -> bool:
-        """Whether a stroke with fully open needles is too slow even in the fast case. This includes narrower parts."""
+        """Whether a stroke with open needles is too slow even in the fast case, of this candidate or its wider lead."""
         if self.settings is None:
             return self.lead is not None and self.lead.is_slow
         return not self.settings.times

@@ -606,10 +606,11 @@ def simulated(strokes: DriveStrokes, setting: Setting, draws: Array, rtol: float
 def hardest(strokes: DriveStrokes, setting: Setting, known: Array, draws: Array) -> tuple[float, float, int]:
     """Return air (kg, estimated), largest margin and smallest number of failing samples over all samples.
 
-    They follow from a few of the samples.
+    Only a few of the samples are simulated.
 
     The first samples give a linear estimate of the margins of all samples. The samples with the smallest estimates are
-    simulated. Margin and number are always bounds, because samples that are not simulated can only reduce the margin.
+    simulated. The largest margin and the number of failing samples are always bounds, because samples that are not
+    simulated can only reduce the margin.
 
     Parameters
     ----------

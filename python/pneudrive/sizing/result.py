@@ -215,7 +215,7 @@ class SizingResult(Viewed):
 
     @property
     def written(self) -> dict[str, SizedDrive]:
-        """Drives with a circuit file, by its name, which is their rank: the ten best, and the best of each cylinder."""
+        """Circuit file -> drive, for the ten best drives and the best of each cylinder. The file name is the rank."""
         first = [drive.name for drive in self.by_cylinder]
         ranked = enumerate(self.ranked, 1)
         return {f"{k:02d}.toml": one for k, one in ranked if k <= WRITTEN or one.name in first}

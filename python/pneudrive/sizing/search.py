@@ -220,7 +220,7 @@ class Search:
         )
 
     def _checks(self, ranked: Sequence[SizedDrive]) -> Iterator[MachineCheck]:
-        """Yield the checks of the best drive. That of the energy tells whether its assumed limit excludes less air."""
+        """Yield the checks of the best drive. An assumed energy limit tells how many cylinders it excludes."""
         best, met = ranked[0], {drive.parts["cylinder"] for drive in ranked}
         thrifty = ((one, one.settings) for one in self.candidates if one.lost and one.settings)
         excluded = {
@@ -414,7 +414,7 @@ class Search:
     def _simulate(self, one: SizingCandidate, draws: int) -> None:
         """Simulate a choice over the first points of the sequence.
 
-        The candidate is rejected if more samples fail than allowed, or than is likely for a passing choice.
+        The candidate is rejected if more samples fail than the task allows, or so many that it is unlikely to pass.
         """
         drive = None if self.folder is None else self.folder.stored(one.choice.name, draws)
         if drive is None:

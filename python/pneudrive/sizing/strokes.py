@@ -127,7 +127,7 @@ class DriveStrokes:
     return_share: float = 1.0
 
     def run(self, outward: bool, draws: Array, settings: Array | Setting, rtol: float = COARSE) -> StrokeResults:
-        """Run one stroke of n members; the parameters are those of `StrokeRuns`. One setting counts for all members."""
+        """Run one stroke of n members; see `StrokeRuns` for the parameters. All members may have one setting."""
         rows = np.broadcast_to(np.asarray(settings), (len(draws), len(OPEN)))
         return run_all([StrokeRuns(self, outward, draws, rows)], rtol)[0]
 
@@ -169,7 +169,7 @@ class DriveStrokes:
         ends: tuple[str, str],
         setting: Setting = OPEN,
     ) -> Circuit:
-        """Return the circuit around a valve, whose two ends lead to chambers a and b."""
+        """Return the circuit around a valve whose two `ends` are connected to chambers a and b."""
         choice, task = self.choice, self.task
         cylinder = dict(choice.cylinder.table)
         components: Plain = {
@@ -210,7 +210,7 @@ class DriveStrokes:
         return outward, self.task.template_key, *(part.form for part in parts)
 
     def template(self, outward: bool) -> tuple[System, NamedNumbers]:
-        """Return the circuit of a stroke in the core's form, and its start. Choices with equal keys share both."""
+        """Return circuit and start state of a stroke in the core's form. They are equal for choices with equal keys."""
         key = self.template_key(outward)
         if key not in _TEMPLATES:
             paths = {}  # the two paths that the valve opens
@@ -255,7 +255,7 @@ class DriveStrokes:
         return found | {"load.mass": self.task.mass_kg}
 
     def members(self, outward: bool, draws: Array, settings: Array) -> CoreMembers:
-        """Return the numbers and the start of each run in the core's form."""
+        """Return the numbers and the start state of each run in the core's form."""
         task, rows = self.task, len(draws)
         whole = task.supply_pa + task.supply.spread_pa * (2.0 * draws[:, 0] - 1.0)
         reduced = task.ambient.pressure_pa + self.return_share * (whole - task.ambient.pressure_pa)
@@ -338,7 +338,7 @@ class StrokeRuns(NamedTuple):
     outward : bool
         Whether the stroke is outward, towards the end of chamber b.
     draws : ndarray, shape (n, len(DRAWN))
-        Positions in each range, 0 to 1.
+        Position of each sampled number in its range, 0 to 1.
     settings : ndarray, shape (n, 4)
         Rows of `Setting`.
     """
@@ -371,8 +371,8 @@ def run_all(asked: Sequence[StrokeRuns], rtol: float = COARSE) -> list[StrokeRes
 def _run_alike(asked: Sequence[StrokeRuns], rtol: float) -> list[StrokeResults]:
     """Run strokes whose circuits differ only in numbers.
 
-    The command is constant, so a valve is modelled by two fixed paths that open at the same time, before which nothing
-    moves. Without a command schedule, members run in SIMD lanes.
+    The command is constant. Each valve is therefore modelled by two paths that are open from the start of the run, and
+    its opening time is added to the stroke time. Without a command schedule, members run in SIMD lanes.
     """
     first, outward = asked[0].strokes, asked[0].outward
     each = [one.strokes.members(outward, one.draws, one.settings) for one in asked]
@@ -407,7 +407,7 @@ def _run_alike(asked: Sequence[StrokeRuns], rtol: float) -> list[StrokeResults]:
 
 
 def held_s(task: SizingTask) -> tuple[float, float]:
-    """Return the times (s) for which both commands are held, at least those of the cycles of an hour."""
+    """Return the times (s) for which both commands are held. They are extended to fill a stated cycle period."""
     out, back = (LONGEST * limit + LONGER_S for limit in (task.outward_s, task.back_s))
     longer = max(1.0, 3600.0 / (task.cycles_per_hour or math.inf) / (out + back))
     return longer * out, longer * back
@@ -541,7 +541,7 @@ def tune_all(every: Sequence[tuple[DriveStrokes, Tuned | None]]) -> list[Tuned]:
     Parameters
     ----------
     every : sequence of pairs
-        Strokes of each choice, and its rough settings, which are refined. None: rough settings are searched.
+        Strokes of each choice, and its rough settings to be refined, or None to search rough settings.
     """
     searches = [_rough(strokes) if rough is None else _fine(strokes, rough) for strokes, rough in every]
     asked = {place: next(one) for place, one in enumerate(searches)}

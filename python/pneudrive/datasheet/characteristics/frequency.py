@@ -77,7 +77,7 @@ def _bode(plant: HeldDrive, position: float | None = None, frequencies: Any = No
     position
         of the operating point, in m; default: mid stroke
     frequencies
-        Hz; default: 0.1 to 100, and closer ones around each resonance
+        Hz; default: 0.1 to 100, with a finer grid around each resonance
 
     Results
     -------

@@ -81,7 +81,7 @@ def run_strokes(
     expected_s: float | None = None,
     **more: Any,  # noqa: ANN401 - of `simulate`
 ) -> StrokeRun:
-    """Run a stroke for each signal, and return the last stroke, or the last two strokes of several signals.
+    """Run a stroke for each signal. Return the stroke of a single signal, or the last two strokes of several signals.
 
     The first stroke starts from rest. All strokes get the same time, which is increased if a stroke does not finish.
     """
@@ -371,13 +371,13 @@ def _times(plant: HeldDrive) -> Found:
     Results
     -------
     time : s
-        time from the command on
+        time from the command to switch on
     outlet_pressure : Pa over time
         absolute pressure at the outlet
     time_on : s
-        from the command on to 10 % of the rise at the outlet
+        from the command to switch on, to 10 % of the rise at the outlet
     time_off : s
-        from the command off to 10 % of the fall
+        from the command to switch off, to 10 % of the fall at the outlet
     """  # noqa: D401 - a title
     table = plant.table(plant.valve)
     if "time_on" not in table:

@@ -31,8 +31,9 @@ TINY = 1e-8  # command at whose both sides the slope of a leaking valve is taken
 def full_force(plant: HeldDrive, direction: float, velocity: float = LEAST_VELOCITY) -> Pair:
     """Return blocked and stall force (N) at full command, positive in the direction of the command.
 
-    Blocked force: force of gas, weight and described load on a pinned piston. Stall force: blocked force minus
-    the friction at a velocity. With the default velocity, it is the largest load that a piston at rest can move.
+    The blocked force is the force of gas, weight and described load on a pinned piston. The stall force is the blocked
+    force minus the friction at a velocity. With the default velocity, it is the largest load that a piston at rest can
+    move.
     """
     rest = steady_state(plant, direction)
     pressures = (rest.pressure_a_pa, rest.pressure_b_pa)
@@ -104,7 +105,7 @@ def _steady(plant: HeldDrive, command: float, load: float | None = None) -> tupl
 
 
 def velocity_gain(plant: HeldDrive, direction: float) -> Pair:
-    """Return slope and dead zone of the line through two small commands at which the piston moves."""
+    """Return slope and dead zone of the line of velocity over command through two small commands with motion."""
     commands = [plant.edge(direction)[0] + small for small in SMALL]
     low, high = commands
     slow, fast = (abs(_steady(plant, direction * u, 0.0)[0]) for u in commands)
@@ -125,8 +126,8 @@ def velocity_gain(plant: HeldDrive, direction: float) -> Pair:
 def _force(plant: HeldDrive, points: int = 12) -> Found:
     """Force against speed at full command.
 
-    Load against which a steady speed is reached at command 1 and -1. Blocked force: force of gas, weight, springs and
-    described load on a pinned piston. Stall force: blocked force minus breakaway force.
+    Load against which a steady speed is reached at command 1 and -1. The blocked force is the force of gas, weight,
+    springs and described load on a pinned piston. The stall force is the blocked force minus the breakaway force.
 
     Settings
     --------
@@ -246,7 +247,7 @@ def adiabatic_stiffness(plant: HeldDrive, position: float, pressures: Any, times
 
 
 def levels_of(plant: HeldDrive, pressures: Any) -> list[float]:  # noqa: ANN401 - a sequence, or None
-    """Return the pressures of a map, in Pa."""
+    """Return the absolute pressures of a map in Pa: the given ones, or the default levels below the supply."""
     if pressures is not None:
         return [float(gas_at(plant, pressure)[0, 0]) for pressure in pressures]
     low, high = plant.ambient[0], plant.supply_pa
@@ -345,7 +346,7 @@ def _frequency(plant: HeldDrive, pressures: Any = None) -> Found:  # noqa: ANN40
     drive_frequency : Hz
         natural frequency of this drive at mid stroke, both chambers at the mean of supply and ambient pressure
     drive_damping_ratio : 1
-        damping ratio there, with sliding friction and heat; 1 if overdamped
+        damping ratio of this drive in that state, with sliding friction and heat; 1 if overdamped
     natural_frequency : Hz over position, pressure
         natural frequency of the mass on the air spring without friction, heat exchange and flow
     mode_frequency : Hz over position, pressure
