@@ -31,7 +31,7 @@ def stderr_of_mean(values: Array) -> float:
 
 
 def stderrs_of_means(rows: Array) -> Array:
-    """Estimate the standard errors of the means of m series of equal length, which are the finite `rows` (m, n)."""
+    """Estimate the standard error of the mean of each row of a finite array, shape (m, n). Each row is a series."""
     if rows.shape[1] > MOST_VALUES:  # means of neighbours keep the slow part, which dominates
         each = rows.shape[1] // MOST_VALUES
         count = rows.shape[1] // each
@@ -63,7 +63,7 @@ SAME_SPEED = 0.05
 
 
 def distinct_levels(values: Array) -> list[Interval]:
-    """Return the lowest and highest magnitude of each level. They differ by at most the fraction `SAME_SPEED`."""
+    """Group values by magnitude, within the fraction `SAME_SPEED`. Return the lowest and highest of each group."""
     levels: list[Interval] = []
     for value in np.sort(np.abs(values)).tolist():
         if not levels or value - levels[-1][0] > SAME_SPEED * value:
@@ -105,7 +105,7 @@ def means(group: Ints, *columns: Array) -> list[Array]:
 
 
 def projection(values: Array, columns: Array) -> Array:
-    """Return the least-squares fit (n,) of `columns` (n, p) to `values` (n,).
+    """Return the least-squares fit of `columns`, shape (n, p), to `values`, shape (n,), at each of the n values.
 
     Examples
     --------
@@ -285,7 +285,8 @@ def moderate(variance: Array, dof: Array, speed: Array) -> Array:
     Parameters
     ----------
     variance, dof : ndarray, shape (n,)
-        Variances (> 0) and their degrees of freedom. A variance with infinite degrees of freedom is exact and kept.
+        Variances (> 0) and their degrees of freedom. A variance with infinite degrees of freedom is exact
+        and returned unchanged.
     speed : ndarray, shape (n,)
         Speeds (> 0); the trend is a constant, a line or a parabola in log speed, chosen by AICc.
 

@@ -186,7 +186,7 @@ class FTest:
 def changed(values: Array, stderr: float = 0.0) -> bool:
     """Return whether a quantity varies by a relevant fraction of its mean, and by more than its scatter.
 
-    If one of two quantities was not varied, their correlation is noise.
+    If one of two quantities does not vary in this sense, a correlation between both is only noise.
 
     Parameters
     ----------

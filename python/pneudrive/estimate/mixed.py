@@ -465,7 +465,7 @@ class Functionals:
     own: dict[str, Array]
 
     def combine(self, rows: Array) -> Functionals:
-        """Return r linear combinations of the functions, with the factors `rows` (r, m)."""
+        """Return linear combinations of the m functions. `rows` contains their factors, shape (r, m)."""
         cross = {name: rows @ part for name, part in self.cross.items()}
         own = {name: rows @ part @ rows.T for name, part in self.own.items()}
         return Functionals(self.fit, rows @ self.fixed, cross, own)

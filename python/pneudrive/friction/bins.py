@@ -61,10 +61,18 @@ class Grid:
 class Profile:
     """Balance, friction and offset over position for one recording and speed level.
 
-    ``position_m`` (m,) are bin centres. ``up_n``/``down_n`` (m,) are the mean balance of the strokes in +x/-x.
-    ``friction_n`` is half their difference and ``offset_n`` half their sum, or NaN if a direction has no settled
-    samples. ``up_strokes_n`` (strokes, m) and ``down_strokes_n`` keep every stroke. ``in_window`` (m,) marks the bins
-    that enter the friction map.
+    Attributes
+    ----------
+    position_m : ndarray, shape (m,)
+        Centres of the bins.
+    up_n, down_n : ndarray, shape (m,)
+        Mean balance of the strokes in +x and in -x.
+    friction_n, offset_n : ndarray, shape (m,)
+        Half the difference and half the sum of ``up_n`` and ``down_n``. NaN if a direction has no settled samples.
+    up_strokes_n, down_strokes_n : ndarray, shape (strokes, m)
+        Mean balance of each stroke.
+    in_window : ndarray of bool, shape (m,)
+        Bins that are averaged for the friction map.
     """
 
     position_m: Array
@@ -78,7 +86,7 @@ class Profile:
 
 
 def grid_of(edges_m: Array) -> Grid:
-    """Return the bins of all cycles as a grid. Its window is the middle of the travel."""
+    """Return the grid of bins with these edges, which all cycles have. Its window is the middle of the travel."""
     bins = edges_m.size - 1
     first, stop = (round(share * bins) for share in MIDDLE)
     width_m = float(edges_m[1] - edges_m[0])
@@ -104,10 +112,14 @@ def bin_means(
 
 
 def mean_profile(strokes_n: Array) -> Array:
-    """Return the mean (bins,) over strokes in each bin, by a model with a separate level for each stroke.
+    """Return the mean over strokes in each bin, shape (bins,), by a model with a separate level for each stroke.
 
-    A stroke with missing bins (a gap in the recording) must not shift the profile there. The two-way model value =
-    stroke + bin is fitted by alternation, and the profile is bin + mean stroke.
+    A stroke with missing bins (a gap in the recording) must not shift the profile in these bins. The two-way model
+    value = stroke + bin is fitted by alternation, and the profile is bin + mean stroke.
+
+    Parameters
+    ----------
+    strokes_n : ndarray, shape (strokes, bins)
     """
     if strokes_n.shape[0] == 0:
         return np.full(strokes_n.shape[1], np.nan)
@@ -159,7 +171,7 @@ class Spread:
 
 
 def spread_of(stroke_means_n: Array) -> Spread:
-    """Return the spread of the means (strokes,) of successive strokes. Strokes with NaN are left out."""
+    """Return the spread of the means of successive strokes, shape (strokes,). Strokes with NaN are left out."""
     values = stroke_means_n[np.isfinite(stroke_means_n)]
     n = values.size
     if n == 0:
@@ -184,10 +196,14 @@ def spread_of(stroke_means_n: Array) -> Spread:
 
 
 def pair_stderr(deviation_n: Array, effective: Array) -> Array:
-    """Return the standard errors (n,) of half the difference between the means of both directions.
+    """Return the standard errors of half the difference between the means of both directions, shape (n,).
 
-    Arguments are scatter and effective number of strokes of both directions, each of shape (n, 2). A direction with a
-    single stroke takes the scatter of the other direction. The result is NaN if both are unknown.
+    A direction with a single stroke takes the scatter of the other direction. The result is NaN if both are unknown.
+
+    Parameters
+    ----------
+    deviation_n, effective : ndarray, shape (n, 2)
+        Scatter of the strokes, and effective number of strokes, of both directions.
     """
     pooled = np.where(np.isfinite(deviation_n), deviation_n, -np.inf).max(axis=1)
     filled = np.where(np.isfinite(deviation_n), deviation_n, pooled[:, None])
@@ -217,7 +233,7 @@ def within_stderr(strokes_n: Array) -> float:
     Parameters
     ----------
     strokes_n
-        Balance (strokes, bins) of each stroke in each bin, for at least two strokes.
+        Balance of each stroke in each bin, shape (strokes, bins), for at least two strokes.
     """
     strokes_n = strokes_n[:, np.isfinite(strokes_n).all(axis=0)]
     strokes, bins = strokes_n.shape

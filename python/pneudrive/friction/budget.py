@@ -141,10 +141,10 @@ def unseen_n(pattern_n: Array, coverage: float) -> float:
 def _sensor_entries(recording: Recording, channel: str, up: Side, down: Side) -> list[BudgetEntry]:
     """Return the budget entries of a sensor: common error and hysteresis, or those of a calibration.
 
-    In a pair of directions, only the error that changes with direction remains.
+    Half the difference of both directions contains only the error that changes with direction.
 
-    The layout states the standard uncertainty of the channel, or it is assumed. At the largest reading, the whole
-    accuracy may be an error of gain.
+    The standard uncertainty of the channel is that of the layout, or assumed. At the largest reading, the whole
+    uncertainty may be an error of gain.
     """
     values = getattr(recording, channel)
     if channel == "force_n":
@@ -200,7 +200,7 @@ def chance_n(scatter_n: Array | float, noise_n: Array | float) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class SharedTerms:
-    """Standard uncertainties (m,) in N that all points of a curve share.
+    """Standard uncertainties in N, shape (m,), of errors that are common to all m points of a curve.
 
     Attributes
     ----------
@@ -209,7 +209,7 @@ class SharedTerms:
     position_n : ndarray
         Friction over the part of the stroke that the mean does not cover.
     state_n : ndarray
-        Deviation of friction from the mean state of the campaign: part of a single cycle, not of the mean curve.
+        Deviation of friction from the mean state of the campaign. It applies to a single cycle, not to the mean curve.
     zero_n, half_sum_n : ndarray
         Zero of the force sensor, and half the sum of both directions without zero runs; only for one direction.
     """
@@ -232,9 +232,9 @@ def stated_shares(
     down: Side,
     late_s: float = 0.0,
 ) -> dict[str, float | bool]:
-    """Divide the budget of a cycle into the parts that campaigns treat separately. Return column of a cycle -> part.
+    """Return the parts of a cycle's budget that campaigns treat separately, by column of the cycle.
 
-    Cycles share their sensors. The parts are proportional to friction, constant, or removed by zero runs.
+    All cycles have the same sensors. The parts are proportional to friction, constant, or removed by zero runs.
     """
     entries = systematic_budget(recording, up, down, late_s=late_s)
     # Hysteresis needs a reading that changes with direction: a constant pressure has none.
@@ -271,7 +271,7 @@ def combined_n(parts: Iterable[float]) -> float:
 
 
 def _of_range(recording: Recording, channel: str, reading: float, zero: float) -> float:
-    """Return the reading as a fraction of the sensor's range, both counted from `zero`."""
+    """Return the reading as a fraction of the sensor's range, both measured from `zero`."""
     limits = recording.limits.get(channel)
     reach = max(abs(v - zero) for v in limits) if limits else np.max(np.abs(getattr(recording, channel) - zero))
     return min(abs(reading - zero) / float(reach), 1.0) if reach > 0 else 0.0

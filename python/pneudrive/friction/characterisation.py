@@ -148,7 +148,7 @@ class Characterisation(Viewed):
         Relative standard deviation between runs; cells (seal, pressure_pa, lowest, highest, relative
         difference). None without repeated runs.
     reading_notes : tuple of str
-        Notes on recordings that were left out, not kept in memory, or read part by part; the first of ``notes``.
+        Notes on recordings that were left out, not kept in memory, or read part by part. ``notes`` begins with them.
     notes : tuple of str
         Cautions in sentences: identical files, confounded speed and pressure, assumed
         accuracies, inseparable effects.
@@ -236,7 +236,7 @@ class Characterisation(Viewed):
 
     @property
     def doubts(self) -> list[str]:
-        """Sentences on physically implausible values, each with a check: the doubt of the first recording."""
+        """Sentences on physically implausible values: for each flag, values and a check of the first recording."""
         found: dict[str, dict[str, str]] = {}
         for level in self.levels:
             for flag, doubt in level.doubts.items():
@@ -278,7 +278,7 @@ def characterise_recordings(
     Raises
     ------
     RecordingError, LayoutError
-        If a file or recording cannot be used. Of more recordings than fit into memory, unusable ones are skipped.
+        A file or recording cannot be used. If there are more than `KEPT_IN_FULL` recordings, unusable ones are skipped.
     """
     import polars as pl
 

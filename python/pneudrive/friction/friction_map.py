@@ -45,7 +45,8 @@ def columns_to_dataset(columns: Mapping[str, Sequence | np.ndarray], about: Mapp
         Name -> values; names missing from `about` are left out. ``labels`` has the labels of the recording of each row;
         each label becomes a further variable of texts.
     about : mapping
-        Name -> (unit, meaning), in the order of the variables. Without a unit: text; counts ("1"): whole numbers.
+        Name -> (unit, meaning), in the order of the variables. A variable without a unit is text, and one with the unit
+        "1" a whole number.
     """
     import xarray as xr
 
@@ -167,11 +168,11 @@ class Condition:
 
     @property
     def title(self) -> str:
-        """Present levels, as text."""
+        """Mounting, seal and drive as text, without factors that the campaign does not have."""
         return ", ".join(level for level in self.levels if level)
 
     def label(self, ambient_pressure_pa: float) -> str:
-        """Return a label: gauge pressures, then the present levels.
+        """Return a label: gauge pressures in bar, then the title.
 
         Examples
         --------
@@ -224,7 +225,11 @@ def assemblies_of(table: xr.Dataset) -> list[str]:
 
 
 def classify_pressures(pairs: Array) -> str:
-    """Return the slopes that pressure pairs determine: both, one, their sum, or one along a line."""
+    """Return which slopes of friction over pressure the pressure pairs determine.
+
+    The result is ``both``, a single chamber (``a`` or ``b``), ``sum`` if both pressures are always equal, or ``line``
+    if the pairs are on another line.
+    """
     away = pairs - pairs.mean(axis=0)
     scale = max(np.abs(pairs).max(), 1e-12)
     spans = np.ptp(pairs, axis=0)

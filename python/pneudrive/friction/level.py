@@ -65,7 +65,7 @@ class Level(Shown):
     Attributes
     ----------
     motion : RecordedMotion
-        Motion of the recording, with the kept samples.
+        Motion of the recording, with the samples that are in memory.
     index : int
         Index of the class in the recording, slowest first.
     window_m : tuple of float
@@ -102,7 +102,7 @@ class Level(Shown):
 
     @property
     def kept(self) -> tuple[MeasuredStroke, ...]:
-        """Strokes with kept samples: all strokes, except in long recordings."""
+        """Strokes whose samples are in memory: all strokes, except in long recordings."""
         kept = set(map(id, self.motion.strokes))
         return tuple(row for row in self.table.rows if id(row.stroke) in kept)
 
@@ -118,7 +118,7 @@ class Level(Shown):
 
     @property
     def friction_n(self) -> float:
-        """Half the difference of both directions, in N. For a single direction, its balance against the motion."""
+        """Half the difference of the force balances in +x and -x, in N. For one direction: balance against motion."""
         means_n = {way: side.spread.mean_n for way, side in self.sides.items()}
         if len(means_n) == 2:
             return (means_n[1] - means_n[-1]) / 2
@@ -127,7 +127,7 @@ class Level(Shown):
 
     @property
     def offset_n(self) -> float:
-        """Half the sum of both directions, in N; NaN for a single direction."""
+        """Half the sum of the force balances in +x and -x, in N; NaN for a single direction."""
         means_n = {way: side.spread.mean_n for way, side in self.sides.items()}
         return (means_n[1] + means_n[-1]) / 2 if len(means_n) == 2 else np.nan
 
@@ -182,9 +182,9 @@ class Level(Shown):
 
     @cached_property
     def doubts(self) -> dict[str, str]:
-        """Flag -> sentence with a check, for physically implausible values.
+        """Flag -> sentence with values and a check, for physically implausible values.
 
-        With zero areas, the pressure force is zero, and the measured force is the friction.
+        Forces are not checked if the areas are zero, because the force of a trajectory is its friction.
         """
         recording, ambient, gauge = self.motion.recording, self.ambient_pressure_pa, self.gauge_pa
         areas = recording.area_a_m2, recording.area_b_m2
@@ -249,12 +249,12 @@ class Level(Shown):
 
     @property
     def peaks(self) -> tuple[ReversalPeak, ...]:
-        """Friction peak after the reversal before each stroke with kept samples."""
+        """Friction peaks after the reversals at which the strokes in memory begin."""
         return tuple(row.peak for row in self.kept if row.peak)
 
     @property
     def stick_slip(self) -> tuple[StickSlip, ...]:
-        """Sliding of the axis in each used stroke."""
+        """Stick-slip of the axis in each used stroke, except in very short ones."""
         used = (self.table.rows[i] for rows in self.table.directions.values() for i in rows)
         return tuple(row.slip[0] for row in used if row.slip)
 
@@ -278,7 +278,7 @@ class Level(Shown):
 
     @property
     def pressure_pa(self) -> float:
-        """Mean gauge pressure of the chamber where its magnitude is larger, in Pa."""
+        """Mean gauge pressure with the larger magnitude, of both chambers, in Pa."""
         return max(self.gauge_pa.values(), key=abs)
 
     @property

@@ -71,8 +71,8 @@ class ClosureFit(Shown):
     ``areas_m2`` has an entry for each chamber whose pressure changed, ``nominal_m2`` the areas of the
     layout. If both pressures changed together, the only entry is ``net``: the force of both chambers divided by the
     pressure that changed most. ``force_zero_n`` is the reading of the sensor without friction and pressure.
-    ``pressure_pa`` and ``residual_n`` (points,) are the gauge pressure of the chamber that changed most, and the
-    residuals of the line. Intervals are unbounded without a redundant recording, or if the residuals contradict the
+    For each point, ``pressure_pa`` is the gauge pressure of the chamber that changed most, and ``residual_n`` is the
+    residual of the line. Intervals are unbounded without a redundant recording, or if the residuals contradict the
     line.
     """
 
@@ -89,7 +89,7 @@ class ClosureFit(Shown):
 
     @property
     def has_interval(self) -> bool:
-        """Whether the points determine the force zero."""
+        """Whether the interval of the force zero is bounded."""
         return self.force_zero_n.low > -np.inf
 
 
@@ -173,7 +173,7 @@ def _contradiction(points: pl.DataFrame, residual_n: Array) -> str:
 
 
 def _factors(gauge: Columns, push: Columns, unsure: NamedNumbers, area: float) -> list[tuple[str, ...]]:
-    """Return the determined areas: each separately, both by a common factor, or none."""
+    """Return the chambers of each area factor that the data determine: one per chamber, one for both, or none."""
     sides = [side for side in ("a", "b") if np.ptp(gauge[side]) > MINIMUM_RANGE_PA]
     if len(sides) < 2:
         return [tuple(sides)] if sides else []
@@ -197,9 +197,9 @@ def _estimate(value: float, stderr: float, dof: int, unit: str) -> Estimate:
 
 @dataclass(frozen=True)
 class RunSpread:
-    """Relative standard deviation between runs at one seal and pressure, pooled over all such cells.
+    """Relative standard deviation between runs with equal seal, pressure and speed, pooled over all such groups.
 
-    ``cells`` lists (seal, pressure in Pa, smallest friction, largest friction, relative difference).
+    ``cells`` lists these groups: (seal, pressure in Pa, smallest friction, largest friction, relative difference).
     """
 
     relative: float
@@ -211,10 +211,10 @@ class RunSpread:
 class PressureLine(Shown):
     """Friction = intercept + slope * gauge pressure for one seal.
 
-    ``table`` has the points, and ``points`` its rows. ``band_mean_n`` over ``band_pressure_pa`` is the line (41,).
-    ``band_low_n`` and ``band_high_n`` are the 95 % prediction interval of a further run. ``covariance`` belongs
-    to (intercept_n, slope_n_pa), and ``slope_interval_n_pa`` is a 95 % interval. ``basis`` is the source of the spread
-    between runs: ``own`` runs, ``pooled`` from other seals, ``unknown``.
+    ``table`` has the points, and ``points`` its rows. ``band_mean_n`` is the line at 41 pressures ``band_pressure_pa``.
+    ``band_low_n`` and ``band_high_n`` are the 95 % prediction interval of a further run. ``covariance`` is that of
+    (intercept_n, slope_n_pa), and ``slope_interval_n_pa`` is a 95 % interval. ``basis`` states which runs determine the
+    spread between runs: those of this seal (``own``), of other seals (``pooled``), or none (``unknown``).
     """
 
     seal: str
@@ -259,7 +259,7 @@ def run_spread(points: pl.DataFrame) -> RunSpread | None:
 
 
 def _neighbours(points: pl.DataFrame, column: str, width: Callable[[float], float]) -> list[pl.DataFrame]:
-    """Group points whose values of a column are within a width above the lowest of the group."""
+    """Group points by a column. Each value exceeds the lowest value v of its group by at most `width(v)`."""
     points = points.sort(column, maintain_order=True)
     values, starts = points[column].to_list(), [0]
     for i, value in enumerate(values):

@@ -38,7 +38,7 @@ class Statement:
 
 
 def table() -> dict[str, dict[str, str | dict[str, str]]]:
-    """Return topic -> name -> sentence. A sentence with a remedy is a dict of its text and its remedy."""
+    """Return the sentences by topic and name. A sentence with a remedy is a dict of its text and its remedy."""
     return package_table(__file__, "sentences.toml")
 
 

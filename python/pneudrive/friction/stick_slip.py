@@ -40,8 +40,8 @@ NEAR_TOP = 3.0
 class ReversalPeak:
     """Largest friction after one reversal.
 
-    ``friction_n`` is the peak without the offset and without the mean excess of the noise. ``flags`` names faults of
-    the peak: ``undersampled``, ``pressure_transient``, ``inertia``, ``gap``, ``no_peak``.
+    ``friction_n`` is the peak minus the offset and minus the mean amount by which noise raises a maximum. ``flags``
+    names faults of the peak: ``undersampled``, ``pressure_transient``, ``inertia``, ``gap``, ``no_peak``.
     """
 
     direction: int
@@ -53,7 +53,7 @@ class ReversalPeak:
 def find_reversal_peaks(
     recording: Recording, strokes: Sequence[motion.Stroke], balance_n: Array, profile: Profile
 ) -> dict[int, ReversalPeak]:
-    """Return number of the stroke -> peak, for each reversal at which one of ``strokes`` begins.
+    """Return index of a stroke -> peak, for each reversal at which one of ``strokes`` begins.
 
     Parameters
     ----------
@@ -121,7 +121,7 @@ def offset_line(profile: Profile, turn_m: float) -> tuple[float, float]:
 
 
 def _pressure_moves_n(recording: Recording, part: slice, noise_pa: Sequence[float]) -> float:
-    """Return the change in pressure force from the rest before the stroke to the peak, in N, beyond noise."""
+    """Return the change in pressure force between the stop before the stroke and the peak, less its noise, in N."""
     moved = 0.0
     for side, noise in zip("ab", noise_pa, strict=True):
         pressure = getattr(recording, f"pressure_{side}_pa")[part]
@@ -132,7 +132,7 @@ def _pressure_moves_n(recording: Recording, part: slice, noise_pa: Sequence[floa
 
 
 def _inertia_n(recording: Recording, stroke: motion.Stroke) -> float:
-    """Return the mean force in N that accelerates the mass beyond the sensor to 80 % of the speed of the stroke."""
+    """Return the mean force, in N, to accelerate the mass beyond the sensor to 80 % of the stroke's speed."""
     mass = recording.mass_beyond_sensor_kg
     if not mass:
         return 0.0
@@ -234,7 +234,13 @@ def middle_of(stroke: motion.Stroke, position_m: Array) -> slice | None:
 
 
 def measure_stick_slip(time_s: Array, position_m: Array, velocity_m_s: Array | None = None) -> StickSlip:
-    """Measure stick-slip in one section of a motion in one direction, from arrays (n,) with n >= 3."""
+    """Measure stick-slip in one section of a motion in one direction.
+
+    Parameters
+    ----------
+    time_s, position_m, velocity_m_s : ndarray, shape (n,)
+        At least three samples. Without a velocity, the positions determine it.
+    """
     duration = float(time_s[-1] - time_s[0])
     distance = float(position_m[-1] - position_m[0])
     direction = 1 if distance >= 0 else -1

@@ -49,12 +49,12 @@ class MeasuredStroke:
     Attributes
     ----------
     stroke : Stroke
-        Numbered within the samples that were read together.
+        Stroke, whose indices count from the beginning of the samples that were read together.
     means : dict
         `MEANS`, ``mean_n`` (balance of all chosen samples), ``samples`` and ``pressure_moves_n`` (usual range of the
         pressure force). Empty for an unused stroke, which has not settled in a quarter of the window.
     slip : (StickSlip, StickSlip or None) or None
-        Sliding of axis and piston; None for unused or short strokes.
+        Stick-slip of axis and piston; None for unused or short strokes.
     peak : ReversalPeak or None
         Peak of friction after the preceding reversal.
     """
@@ -66,11 +66,11 @@ class MeasuredStroke:
 
     @classmethod
     def of(cls, motion: RecordedMotion, stroke: Stroke, window: Interval) -> MeasuredStroke:
-        """Average the settled samples of a stroke between two positions, in m, and measure its sliding.
+        """Average the settled samples of a stroke between two positions in m, and measure its stick-slip.
 
-        Sliding is that of the middle 80 % of the stroke. The axis may move steadily while the piston behind a soft
-        force sensor does not. If the stiffness is known, the piston's position is the axis position minus the
-        deflection. Otherwise, there is only a result for the axis.
+        Stick-slip is measured in the middle 80 % of the stroke. The axis may move steadily while the piston behind a
+        soft force sensor does not. If the stiffness of the rig is known, the piston's position is the axis position
+        minus the deflection. Otherwise, there is only a result for the axis.
         """
         recording, part = motion.recording, stroke.samples
         settled, position = motion.settled[part], motion.position_m[part]
@@ -168,7 +168,7 @@ class Strokes:
         return {way: [i for i, it in enumerate(counting) if it == way] for way in (1, -1) if way in counting}
 
     def sides(self, *, uses_window: bool) -> tuple[dict[int, Side], Bools]:
-        """Combine the strokes of each direction. Return no side without usable strokes or common bins.
+        """Combine the strokes of each direction. The result is empty without usable strokes or common bins.
 
         Parameters
         ----------
@@ -244,8 +244,8 @@ class Side:
         `ripple` of the piston's speed behind the rig's spring. NaN if the stiffness of the spring is unknown.
     stick_slip : bool
     parallel_n, late_n : float
-        Standard uncertainties of the parallel forces from their areas, and of the gas force from the time of its
-        logger.
+        Standard uncertainties of the parallel forces, from their areas, and of the pressure force, from the times of
+        the pressures.
     """
 
     force_n: float
@@ -327,7 +327,7 @@ class StrokeUse:
 
 
 def stroke_notes(uses: Mapping[str, StrokeUse]) -> Iterator[str]:
-    """Yield one sentence for each recording with unused strokes. Many recordings share one sentence.
+    """Yield one sentence for each recording with unused strokes, and one for all recordings beyond `MOST_NAMED`.
 
     Parameters
     ----------
@@ -486,7 +486,7 @@ class Settled:
 
 @dataclass(frozen=True)
 class SourcePaper:
-    """The source paper's protocol: first 5 % dropped, moving average of 5 samples, mean of the rest.
+    """The source paper's protocol: drop the first 5 % of each stroke, smooth over 5 samples, and average the rest.
 
     The moving average hardly changes the mean. This protocol is available for comparison with published numbers.
     Dropping 5 % is not enough if the distance to reach speed is longer. Means are over all chosen samples.
@@ -546,7 +546,7 @@ class Swing:
         return cls(centres, means, middle, *straight_line(centres[inside], swings[inside])) if middle else None
 
     def share_risen(self, position_m: Array, balance_n: Array, direction: int) -> Array:
-        """Return the completed fraction (with noise) of the change from the balance of the opposite direction."""
+        """Return the fraction of the change of the balance after a reversal that each sample has completed."""
         before = self.balance_n[-direction]
         known = np.isfinite(before)
         start = np.interp(position_m, self.position_m[known], before[known])

@@ -1,4 +1,4 @@
-"""Columns of a recording in the units of its layout or its file, for views of any length."""
+"""Columns of a recording of any length, in the units of its layout or its file, for display."""
 
 from __future__ import annotations
 
@@ -113,7 +113,7 @@ class ChannelFile:
         return max(self.table.count() - self.first, 0)
 
     def read(self, names: Sequence[str], rows: tuple[int, int]) -> tuple[Array, dict[str, Array]]:
-        """Return the times of samples in s (without a time column: their numbers), and the columns in their units."""
+        """Return times in s, or sample numbers without a time column, and the values of columns in their units."""
         wanted = [*names, *([] if self.time is None else [self.time.column])]
         raw = self.table.get(wanted, (self.first + rows[0], self.first + rows[1]))
         by_name = {channel.column: channel for channel in self.channels}
@@ -202,8 +202,8 @@ def open_channels(path: Path, layout: Layout | None, cache: Path) -> ChannelFile
 def pairs(own: ChannelFile, other: ChannelFile) -> list[tuple[FileChannel, FileChannel]]:
     """Return the columns that two recordings have in common.
 
-    Two columns have the same quantity if both have SI units of the same dimension; otherwise their units must be equal.
-    ``slope`` and ``zero`` of the second column of a pair convert to the unit of the first column, not to SI.
+    Two columns form a pair if they have the same `quantity`, and both convert to SI or have equal units. ``slope`` and
+    ``zero`` of the second column of a pair convert to the unit of the first column, not to SI.
 
     Raises
     ------
@@ -241,14 +241,14 @@ def _channel(name: str, role: str | None, said: FileLayout | None, unit: str) ->
 
 
 def _open(path: Path, said: FileLayout | None, cache: Path) -> tuple[Table, Names, Names]:
-    """Open a file as a table that can be read in parts; also return the unit and the layout name of each column.
+    """Open a file as a table that can be read in parts. Also return the unit and the role of columns by name.
 
-    A file that is not Parquet, or has dates as texts, is converted.
+    A file that is not Parquet, or has dates as texts, is first converted to Parquet.
 
     Raises
     ------
     RecordingError
-        The file cannot be read; a layout is applied if given.
+        The file cannot be read, or its layout does not fit.
     """
     if (sniff_format(path) if said is None else said.format) == "parquet":
         table = open_table(path, "parquet")
@@ -280,12 +280,12 @@ def _open(path: Path, said: FileLayout | None, cache: Path) -> tuple[Table, Name
 
 
 def _kinds(table: Table, names: Iterable[str]) -> Names:
-    """Return NumPy's kind of the values of each column, from the first rows."""
+    """Return the type code of each column (NumPy's ``dtype.kind``), from its first rows."""
     return {name: first.dtype.kind for name, first in table.get(names, (0, 16)).items() if first.ndim == 1}
 
 
 def _time(said: FileLayout | None, units: Names, roles: Names, kinds: Names) -> FileChannel | None:
-    """Return the time column in s: from the layout, or a column whose name and unit are those of a time."""
+    """Return the time column with its conversion to s: that of the layout, or one with name and unit of a time."""
     for name, role in roles.items():
         if role == "time" and said is not None and name in kinds:
             return _channel(name, role, said, "s")

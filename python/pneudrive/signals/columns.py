@@ -39,7 +39,7 @@ class HeaderUnit:
     """Unit in the header of a foreign file.
 
     ``si`` is the SI unit of the quantity, ``count``, or empty for other quantities. ``unit`` is the unit as written in
-    layouts. A pressure that does not state gauge or absolute has no ``gauge``.
+    layouts. ``gauge`` is None if a unit of pressure does not state gauge or absolute.
     """
 
     si: str
@@ -185,13 +185,13 @@ def words_of(name: str) -> str:
 
 
 def role_of(name: str) -> str | None:
-    """Return the role that a name states; None without a role."""
+    """Return the role of a column (such as ``force``) from its name; None if the name does not state a role."""
     words = words_of(name)
     return next((name for name, role in ROLES.items() if re.search(role["words"], words)), None)
 
 
 def side_of(name: str) -> str | None:
-    """Return the chamber in the name of a pressure: a, b, 1 or 2."""
+    """Return the chamber in the name of a pressure: a, b, 1 or 2. None without exactly one chamber."""
     found = set(re.findall(r"(?<![^ ])p?([ab12])(?![^ ])", words_of(name)))
     return found.pop() if len(found) == 1 else None
 
@@ -280,7 +280,7 @@ class FileColumn:
 
 
 class Candidate(NamedTuple):
-    """Column that may have a role, with weight and words of its evidence; once chosen, also its nearest rival."""
+    """Column that may have a role: weight and texts of the evidence and, once chosen, a text on its nearest rival."""
 
     column: FileColumn
     score: float

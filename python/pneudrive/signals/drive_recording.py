@@ -284,7 +284,7 @@ def read_drive_recordings(
     gaps : bool
         Whether measured columns may contain NaN.
     names : mapping, optional
-        Column of a circuit -> column of a drive.
+        Name of a column in a recording of a circuit -> name of this column in a recording of a drive.
 
     Raises
     ------
@@ -374,13 +374,13 @@ def _drive_columns(
 
 
 def _labels(about: object) -> dict[str, str]:
-    """Return the labels of a simulated drive from the attributes of a run."""
+    """Return the labels in the attributes of a simulated run."""
     labels = about.get("labels") if isinstance(about, dict) else None
     return {str(key): str(text) for key, text in labels.items()} if isinstance(labels, dict) else {}
 
 
 def _imported(path: Path, layout: Layout, kind: str) -> tuple[Plain, str, dict[str, str], Path]:
-    """Return columns in SI, name, labels and path of a file by its layout, and warn of flags."""
+    """Return columns in SI, name, labels and path of a file by its layout. Warn of faults on reading."""
     said = layout.for_file(path, kind)
     columns, flags, _ = import_file(path, said)
     for flag, count in flags.items():

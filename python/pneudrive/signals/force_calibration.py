@@ -1,7 +1,7 @@
 """Calibration of a force sensor as a curve of readings over force, and its remaining uncertainties.
 
 The curve corrects the reading of the sensor. The remaining error is systematic: it is equal in all cycles,
-and does not average out. Limits of a certificate are taken as rectangular [gum2008].
+and does not average out. Limits of a certificate are treated as those of a rectangular distribution [gum2008].
 """
 
 from __future__ import annotations
@@ -113,7 +113,7 @@ class ForceCalibration:
         return reference[piece] + slope[piece] * (seen - shown[piece])
 
     def applied(self) -> ForceCalibration:
-        """Return the calibration after applying the curve: only uncertainties remain."""
+        """Return a calibration for forces that the curve has already corrected. It contains only the uncertainties."""
         return replace(self, reference_n=(), shown_n=(), gain=1.0, zero_n=0.0, range_n=self.largest_n)
 
     def doubts(self, difference_n: float, sum_n: float) -> dict[str, tuple[float, float, float]]:
@@ -128,7 +128,7 @@ class ForceCalibration:
         -------
         dict
             Source -> standard uncertainties of the force, of half the difference and of half the sum, in N. Hysteresis
-            remains in the difference, because the force is approached from opposite sides in both directions.
+            remains in the difference, because force increases in one direction of motion and decreases in the other.
         """
         creep = self.creep_n / RECTANGULAR / self.largest_n if self.creep_n else 0.0
         line, turn = self.linearity_n / RECTANGULAR, self.hysteresis_n / 2.0 / RECTANGULAR
@@ -169,7 +169,7 @@ class ForceCalibrationTable(Described):
 
 
 def of_quantities(table: object) -> ForceCalibration:
-    """Read a table of quantities with units, as in TOML files.
+    """Read a force calibration from a table of quantities with units, as in TOML files.
 
     Raises
     ------

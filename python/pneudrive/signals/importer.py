@@ -1,8 +1,8 @@
 """Importer: converts a foreign file of any format to SI columns, according to a layout.
 
 `read_foreign` reads every column of a file without a layout. `read_channels` reads the columns of a layout in the units
-of the file, each with one value for each time. `import_file` converts them to SI, with absolute pressures. No other
-module depends on the format.
+of the file, and returns one value per channel and time. `import_file` converts these columns to SI, with absolute
+pressures. No other module depends on the file format.
 """
 
 from __future__ import annotations
@@ -80,7 +80,7 @@ def read_foreign(path: Path) -> tuple[FileForm, list[Array]]:
 
 
 def _numeric(arrays: Mapping[str, NDArray[Any]], dates: Mapping[str, str], path: Path) -> Columns:
-    """Return the columns of numbers, dates and times, without texts and tables."""
+    """Return the columns of numbers, dates and times as numbers. Leave out texts and other arrays."""
     found = {}
     for name, values in arrays.items():
         with suppress(RecordingError):
@@ -177,7 +177,7 @@ def read_channels(
     path : Path
     layout : FileLayout
     data : bytes, optional
-        Content of the file, if it is known.
+        Content of the file, if it has already been read.
     others : bool
         Whether to read all other columns of numbers in the file, too.
 
@@ -304,8 +304,9 @@ def si_columns(layout: FileLayout, raw: Columns) -> Plain:
 
     Pressures become absolute. A force is corrected by the calibration of its sensor.
 
-    Names are those of `SI_NAMES`, and ``force 1`` for the first ``[[force]]``. A stated pressure is a number. Delayed
-    channels are shifted; samples at the ends, where a shifted channel has no values, are left out.
+    Names are those of `SI_NAMES`, and ``force 1`` for the first ``[[force]]``. A pressure that the layout states is a
+    single number, not an array. Delayed channels are shifted. Samples at the ends, where a shifted channel has no
+    values, are left out.
     """
     values: Columns = {}
     for channel, numbers in raw.items():

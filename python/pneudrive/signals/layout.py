@@ -45,7 +45,7 @@ EXAMPLES = {"Pa": "bar gauge", "m": "mm", "s": "s", "N": "N", "m/s": "mm/s", "K"
 
 
 def _place(given: object) -> int | str:
-    """Read the number or name of a column, which may be in a table."""
+    """Return the number or name of a column. Reject values that are neither."""
     if isinstance(given, bool) or not isinstance(given, int | str):
         raise DescriptionError.of("signals.not-a-column", given=given)
     return given
@@ -112,13 +112,13 @@ class Column(Described):
         return COUNTERS if self.wraps is None else (self.wraps,)
 
     def in_unit(self, raw: Array) -> Array:
-        """Return raw numbers in the column's unit, with the sign of +x. Unchanged numbers are not copied."""
+        """Return raw numbers in the column's unit, positive in +x. Unchanged numbers are not copied."""
         value = raw if self.scale == 1.0 else raw * self.scale
         value = value if self.offset == 0.0 else value + self.offset
         return value if self.positive == "+x" else -1 * value
 
     def corrected(self, force_n: Array, curve: ForceCalibration) -> Array:
-        """Return forces corrected by the calibration of the sensor; `positive` is the sign of the sensor."""
+        """Return forces (positive in +x) corrected by a calibration curve, which has the sign of the sensor."""
         sign = 1 if self.positive == "+x" else -1
         return sign * curve.force_n(sign * force_n)
 
@@ -239,9 +239,9 @@ class WindowTable(Described):
 
 
 class ParallelTable(Described):
-    """``[[force]]``: a force parallel to the force of the rig, such as that of a hydraulic ram; from pressures.
+    """``[[force]]``: a force in parallel with that of the rig, such as from a hydraulic ram, computed from pressures.
 
-    The force is ``area (pressure - against)``; the default of `against` is the ambient pressure.
+    The force is ``area (pressure - against)``. If `against` is absent, it is the ambient pressure.
     ``area_accuracy`` is a relative standard uncertainty. All accuracies of a layout are standard uncertainties.
     """
 
@@ -581,7 +581,7 @@ FIELDS = {"pressure": (r"[-+]?\d+(?:[.,]\d+)?(?: ?(?:mbar|bar|kPa|MPa|Pa|psi))?"
 
 
 def labels_from_name(pattern: str, name: str) -> dict[str, str] | str:
-    """Return the labels in a file name; if it does not match, the first part that differs, in words.
+    """Return the labels in a file name, or a text on the first difference if the name does not match the pattern.
 
     ``{pressure}`` matches a number, with or without a unit: ``5``, ``0,5``, ``1bar``. Every other field matches any
     text of at least one character. Each field, from left to right, matches the shortest possible text.
@@ -605,10 +605,10 @@ def labels_from_name(pattern: str, name: str) -> dict[str, str] | str:
 
 
 def _matched(parts: list[str], name: str, end: str) -> tuple[str, ...] | None:
-    """Return the text of each part of a pattern at the beginning of a name, then that of `end`; None without a match.
+    """Match a name with the parts of a pattern, then with the expression `end`. Return the matched texts, or None.
 
-    Polars needs linear time. `re` would try every division of the name, and the number of divisions grows exponentially
-    with the number of fields.
+    Polars matches in linear time. `re` would try every division of the name, and the number of divisions grows
+    exponentially with the number of fields.
     """
     import polars as pl
 

@@ -112,7 +112,7 @@ class RecordingFile:
 
     @cached_property
     def table(self) -> Table | None:
-        """Open Parquet file of one recording, if its rows can be read independently, and its time is not a date."""
+        """Table of a Parquet file with one recording, whose rows are independent and without dates; otherwise None."""
         said = self.said
         if said is None:
             is_plain = self.path.suffix == ".parquet"
@@ -128,7 +128,7 @@ class RecordingFile:
         return (0 if self.said is None else self.said.skip_samples), self.table.count()
 
     def rows(self, rows: tuple[int, int]) -> Columns:
-        """Read some rows of the raw columns, by channel."""
+        """Read the raw columns, by channel, from row `rows[0]` up to and excluding row `rows[1]`."""
         if self.said is None:
             return read_columns(self.path, MEASURED, rows, self.table)
         table = read_binary(self.path, self.said, rows)
@@ -166,7 +166,7 @@ def recording_files(paths: Iterable[str | Path], layout: AnyLayout) -> list[Reco
 
 
 def recordings_in(folder: Path) -> list[Path]:
-    """Return the recordings of a folder with a layout, by name; empty without a layout, and for a campaign folder.
+    """Return the recordings in a folder, sorted by path. The list is empty without a layout, and for a campaign.
 
     Pictures, texts and tables of results are not recordings.
     """
@@ -201,7 +201,7 @@ def load_recordings(paths: Iterable[str | Path], layout: AnyLayout = None) -> li
 
 
 def hashes_of(path: Path) -> frozenset[str]:
-    """Return the possible hashes of the recording in a file: of the file's content, and of a trajectory's columns.
+    """Return the possible hashes of the recording in a file: that of its bytes and, for a trajectory, of its columns.
 
     Raises
     ------
@@ -278,7 +278,10 @@ def find_cycles(file: RecordingFile) -> tuple[Ints, Iterator[Recording]]:
 
 
 def _recordings(file: RecordingFile, bounds: Ints, numbers: Ints) -> Iterator[Recording]:
-    """Yield the cycles of a campaign file from the first row of each and the end, reading a batch of rows at a time."""
+    """Yield the recordings of the cycles of a campaign file, which is read in batches of rows.
+
+    `bounds` contains the first row of each cycle, and the end of the last cycle.
+    """
     start = 0
     while start < numbers.size:
         last = int(np.searchsorted(bounds, bounds[start] + BATCH_SAMPLES, side="right")) - 1

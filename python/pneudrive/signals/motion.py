@@ -61,14 +61,15 @@ class Stroke:
 
 
 def local_slope(time_s: Array, values: Array, half_width: int = 4) -> Array:
-    """Return the slope of a straight line fitted to 2 half_width + 1 neighbours, for samples at any times.
+    """Return the slope of a straight line fitted to each sample and its neighbours. The times may be uneven.
 
     Parameters
     ----------
     time_s, values
         Shape (n,); n must be at least 2.
     half_width
-        Neighbours on each side. The ends have fewer; with equal time steps, they have the slope of the nearest window.
+        Neighbours on each side. Samples near the ends have fewer neighbours or, with equal time steps, the slope of the
+        nearest sample with all neighbours.
 
     Returns
     -------
@@ -133,7 +134,7 @@ def thinned(values: Array) -> Array:
 
 
 def straight_line(x: Array, y: Array) -> Pair:
-    """Fit a line by least squares: (slope, intercept). The slope is 0 if all x are equal."""
+    """Return slope and intercept of a line fitted by least squares. The slope is 0 if all x are equal."""
     away = x - x.mean()
     power = float(away @ away)
     slope = float(away @ y) / power if power > 0 else 0.0
@@ -141,7 +142,10 @@ def straight_line(x: Array, y: Array) -> Pair:
 
 
 def middle(values: Array) -> float:
-    """Return the median of a long array, estimated from a part of its values: the upper of two middle values."""
+    """Return an approximate median of a long array, from every k-th value (see `thinned`).
+
+    For an even number of values, it is the upper one of the two middle values.
+    """
     some = thinned(values)
     return float(np.partition(some, some.size // 2)[some.size // 2])
 
@@ -159,7 +163,8 @@ def quantiles(values: Array, *shares: float) -> list[float]:
 def turning_points(position_m: Array, least_m: float) -> Ints:
     """Find the samples at which the motion reverses by at least ``least_m``, first and last included.
 
-    The first of equal extremes is returned, and the middle of equal consecutive samples.
+    Of several equal extremes, the first is returned. If consecutive samples have the extreme value, their middle is
+    returned.
     """
     return _core.turning_points(np.ascontiguousarray(position_m, dtype=float), least_m)
 
@@ -264,16 +269,16 @@ def speed_levels(strokes: list[Stroke]) -> Levels:
 
 
 def speeds_differ(strokes: Sequence[Stroke]) -> bool:
-    """Return whether speeds differ by more than a drift, so that the strokes do not form one level."""
+    """Return whether speeds differ by more than a drift, so that the strokes do not form one speed class."""
     speeds = [stroke.pace_m_s for stroke in strokes]
     return max(speeds) > DRIFT_RANGE * min(speeds)
 
 
 def _one_way_levels(strokes: list[Stroke]) -> Levels:
-    """Return the classes of each direction if the speed of one direction was set in steps.
+    """Return speed classes of single directions, if the speed of one direction was set in steps.
 
-    If several return strokes have the speed of the stroke before them, they belong to its class. The result is empty if
-    neither direction has steps.
+    If several return strokes have the speed of the strokes before them, they join the classes of these strokes. The
+    result is empty if neither direction has steps.
     """
     by_pace = sorted(strokes, key=lambda s: s.pace_m_s)
     ways = {d: [s for s in by_pace if s.direction == d] for d in (1, -1)}
@@ -417,20 +422,20 @@ class Directions:
         return cls(fast & (velocity > 0), fast & (velocity < 0), bins)
 
     def levels(self, values: Array) -> Pair | None:
-        """Return the median values of a channel towards +x and back; None if a direction is missing."""
+        """Return the medians of a channel during motion in +x and in -x; None if a direction is missing."""
         there = np.isfinite(values)
         up, down = values[self.up & there], values[self.down & there]
         return (float(np.median(up)), float(np.median(down))) if up.size and down.size else None
 
     def sign(self, values: Array) -> int:
-        """Return whether a channel is larger towards +x (1) or back (-1) at equal positions; 0 if it is not clear."""
+        """Return 1 if a channel is larger in +x than in -x at equal positions, -1 if smaller, and 0 if unclear."""
         pairs = [self.levels(np.where(self.bins == number, values, np.nan)) for number in range(BINS)]
         larger = [np.sign(up - down) for up, down in filter(None, pairs)]
         needed = MOST_BINS * max(len(larger), FEWEST)
         return next((sign for sign in (1, -1) if larger.count(sign) >= needed), 0)
 
     def swing(self, values: Array) -> float:
-        """Return the change of a channel with the direction, relative to its level; 0 if it is not clear."""
+        """Return the difference of a channel between the directions, relative to its magnitude; 0 if unclear."""
         levels = self.levels(values)
         if levels is None or self.sign(values) == 0:
             return 0.0

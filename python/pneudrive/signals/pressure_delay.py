@@ -1,16 +1,16 @@
 """Delay between the pressures of closed chambers and the recorded motion.
 
 The gas of a closed chamber of volume V exchanges heat with a wall of constant temperature. With p = m R T / V, its
-energy balance is linear in p. The factor V^gamma makes it a first-order lag, which is solved without a step error:
+energy balance is linear in p. For y = p V^gamma it is a first-order lag, with exact decay over each time step:
 
     dp/dt = -gamma p (dV/dt)/V - k (p - c/V)      k = (gamma - 1) H / (m R)      c = m R T_wall
     y = p V^gamma      dy/dt = k (c V^(gamma - 1) - y)
 
-The error of this model changes slowly. Differences of residuals from sample to sample are therefore fitted. Reversals
-and stops then determine the delay, and the slow heat exchange does not bias it.
+The error of this model changes slowly. The fit therefore minimises the change of the residual from sample to sample.
+Reversals and stops then determine the delay, and the slow heat exchange does not bias the delay.
 
 Areas cancel, because only the ratio of volumes matters: V/A = distance of the piston from its reversal + L. The free
-parameters of each chamber are L, k, first pressure, first temperature and delay.
+parameters of each chamber are L (volume at the reversal over area), k, initial pressure, initial temperature and delay.
 """
 
 from __future__ import annotations
@@ -49,7 +49,8 @@ class PressureDelay:
     value_s : float
         Positive if the pressures lag behind the position.
     half_width_s : float
-        Half width of the interval, from correlated residuals and from the difference between both chambers.
+        Half width of the interval. It includes the correlation of residuals, the difference between both chambers, and
+        the sampling interval.
     """
 
     value_s: float
@@ -61,7 +62,7 @@ class PressureDelay:
         return abs(self.value_s) > max(LATE_S, self.half_width_s)
 
     def removed(self, recording: Recording) -> Recording:
-        """Return the recording with its pressures shifted to match the motion. Ends without pressures are cut off."""
+        """Return the recording with its pressures shifted by the delay. Samples without shifted pressures are cut."""
         shifted = recording.time_s + self.value_s
         there = (shifted >= recording.time_s[0]) & (shifted <= recording.time_s[-1])
         pressures = {name: np.interp(shifted, recording.time_s, getattr(recording, name)) for name in PRESSURES}
@@ -112,7 +113,10 @@ def pressure_delay(recording: Recording) -> PressureDelay | None:
 
 
 def _simulated(time_s: Array, distance_m: Array, point: Array) -> Array:
-    """Return the pressure of a closed chamber from ln L, ln k, first pressure, relative first temperature and delay."""
+    """Return the pressure of a closed chamber at the parameters `point`.
+
+    These are ln L, ln k, initial pressure, relative deviation of the initial temperature from the wall, and delay.
+    """
     from scipy.signal import lfilter
 
     volume = distance_m + np.exp(point[0])

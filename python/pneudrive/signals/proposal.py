@@ -130,7 +130,7 @@ def propose_layout(path: str | Path, watch: Watch = UNWATCHED) -> Proposal:
 
 
 def _kind(path: Path, roles: RoleSearch) -> str:
-    """Return the kind of recording, from roles that are known or open questions.
+    """Return the kind of recording, from the roles that were guessed or are in a question.
 
     Raises
     ------
@@ -235,7 +235,10 @@ def _signal(unit: str, values: Array) -> str:
 
 
 def _sign_and_bore(roles: RoleSearch) -> tuple[str, float, str]:
-    """Return the sign of the force with which friction opposes motion, and the bore that closes the balance."""
+    """Return the sign of the force for which friction opposes motion, a bore, and the reason for this bore.
+
+    The bore is the one for which pressure times area equals the mean force of both directions.
+    """
     sign, unknown = "-x" if roles.sign < 0 else "+x", 0.025
     force, values, directions = roles.guess("force"), roles.column("force"), roles.directions
     pressures = [guess for guess in roles.guesses if guess.role.startswith("pressure")]

@@ -167,7 +167,8 @@ class Recording(Viewed):
         Parameters
         ----------
         acceleration_m_s2
-            Acceleration of the piston, shape (n,) or a scalar. None: that of the positions, if a mass moves.
+            Acceleration of the piston, shape (n,) or a scalar. None: second derivative of the positions, or zero
+            without a mass beyond the sensor.
 
         Returns
         -------
@@ -213,10 +214,10 @@ def clean(recording: Recording, places: dict[str, list[Interval]] | None = None)
     Parameters
     ----------
     recording
-        As read.
+        Recording with all samples of the file.
     places
-        Receives the first and last time of each occurrence in s, by kind. Neighbouring samples are one occurrence, and
-        a gap extends to the next sample. Faults on reading are left out, because they have no time.
+        Receives kind of fault -> first and last time of each occurrence, in s. Neighbouring samples are one occurrence,
+        and a gap extends to the next sample. Faults on reading are left out, because they have no time.
 
     Returns
     -------
@@ -293,7 +294,7 @@ def _bad_samples(recording: Recording) -> dict[str, Bools]:
 def spikes(values: Array) -> Bools:
     """Mark single samples that differ from both neighbours by much more than the noise, while the neighbours agree.
 
-    If the neighbours differ, or the channel changes just before or after, the sample is part of a change of level. Its
+    If the neighbours differ, or the channel changes just before or after, the sample is part of a step. Its
     overshoot may be real, for example breakaway after a reversal.
     """
     mask = np.zeros(values.size, dtype=bool)
@@ -345,7 +346,7 @@ def equal_runs(values: Array) -> Runs:
 
 
 def _usual_run(lengths: NDArray[np.intp]) -> float:
-    """Return the usual length of runs from coarse quantisation, weighted by samples.
+    """Return the usual length of runs of equal samples: 90 % of the samples are in runs of at most this length.
 
     The longest run is excluded, so that a stuck sensor is not mistaken for a coarse sensor.
     """

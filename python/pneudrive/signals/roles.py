@@ -33,9 +33,9 @@ ASK_CHAMBER = "neither names nor forces show the chamber (chamber a grows with t
 
 @dataclass(frozen=True)
 class Guess:
-    """A guess of a column: ``role`` time, position, force, command, pressure, pressure_a or pressure_b.
+    """Guessed column of a role: time, position, force, command, pressure, pressure_a or pressure_b.
 
-    A time from a sample rate has no ``source``. A pressure that does not state gauge or absolute has no ``gauge``.
+    ``source`` is None for a time from a sample rate. ``gauge`` is None if gauge or absolute is not stated.
     ``keys`` are further keys of the column in the layout.
     """
 
@@ -193,7 +193,7 @@ class RoleSearch:
         return 0.0 if self.of_time else self.form.starts_s.get(column.index, 0.0)
 
     def _find_time(self) -> None:
-        """Find the time. Its columns, other dates and row counters then count as used."""
+        """Find the time column or the sample rate. Other dates and row counters then count as used columns, too."""
         dates_of = self.form.dates
         found: list[Candidate] = []
         dates, numbered = list[FileColumn](), list[FileColumn]()
@@ -326,7 +326,10 @@ class RoleSearch:
             self._accept("force", chosen)
 
     def _swinging(self, directions: Directions) -> list[Candidate]:
-        """Return the signals that change with the direction, unless the strongest one is a held command."""
+        """Return the signals that change with the direction of motion.
+
+        If the strongest one is constant between steps, it is accepted as the command, and the result is empty.
+        """
         signals = self._signals()
         swings = [(directions.swing(one.values), one) for one in signals]
         found = [
@@ -429,7 +432,7 @@ class RoleSearch:
         self.questions.insert(0, Question("time", why, (replace(time, unit="s", reason=why),)))
 
     def _other_lengths(self) -> None:
-        """Ask for channels whose names state an open role, but whose lengths differ from the others."""
+        """Ask about channels whose names state an open role, but whose lengths differ from the others."""
         known = [guess.role for guess in self.guesses]
         for name, length in self.form.other_lengths.items():
             role = headers.role_of(name)
@@ -460,7 +463,7 @@ class RoleSearch:
         return best._replace(rank=rank)
 
     def _accept(self, role: str, one: Candidate) -> None:
-        """Add a guess with its unit. For an unknown unit, a count or volts, the user has to state it."""
+        """Add a guess with its unit, or a question if the unit is unknown or needs a scale (volts, counts)."""
         column, guess = one.column, self._guess(role, one)
         same = {other.index for other in self._without_role() if same_signal(column.values, other.values)}
         self.taken |= same | {column.index}
@@ -496,7 +499,7 @@ class RoleSearch:
 
 
 def _backed(named: list[Candidate], text: str, shows: Callable[[Array], bool]) -> list[Candidate]:
-    """Return the candidates, with evidence from their numbers added."""
+    """Return the candidates; those whose numbers pass the test `shows` get `text` as further evidence."""
     return [
         one._replace(score=one.score + PHYSICS, evidence=(*one.evidence, text)) if shows(one.column.values) else one
         for one in named

@@ -139,7 +139,7 @@ def number_pattern(form: TextForm) -> str:
 
 
 def _thousands(form: TextForm) -> str:
-    """Return the expression of the thousands separator. A blank stands for every kind of blank."""
+    """Return the regular expression of the thousands separator. A space also matches other white space."""
     mark = form.thousands or ""
     return r"[\s\u00a0\u202f]" if mark.isspace() else re.escape(mark)
 

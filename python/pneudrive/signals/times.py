@@ -163,7 +163,7 @@ def unwrapped(values: Array, moduli: Iterable[float], *, forward: bool = False) 
 
 
 def clocks_of(form: str | None, factor: float = 1.0) -> list[float]:
-    """Return the possible times after which a clock restarts, in its unit; `form` is the format of a date."""
+    """Return the times after which a clock may restart, in a unit of `factor` s; `form` is the format of its texts."""
     moduli = (HOUR_S,) if form is not None and is_of_minutes(form) else CLOCKS_S
     return [modulus / factor for modulus in moduli]
 
@@ -206,7 +206,7 @@ def samples_of_a_stamp(time: Array) -> float:
 
 
 def on_clock(time: Array, own: Array, values: Array) -> Array:
-    """Return the values of a channel with a separate clock at other times.
+    """Interpolate a channel, whose values have their `own` times, at the times `time`.
 
     The result is NaN before the first and after the last value of the channel.
     """
@@ -217,7 +217,7 @@ def on_clock(time: Array, own: Array, values: Array) -> Array:
 
 
 def overlap(columns: Iterable[Array], size: int) -> slice:
-    """Return the range of rows, from the first to the last in which all columns have values."""
+    """Return the range of rows from the first to the last row in which all columns have values."""
     first, last = 0, size
     for column in columns:
         there = np.flatnonzero(np.isfinite(column))
