@@ -78,7 +78,7 @@ def test_a_fault_while_running_is_status_1_and_says_how_to_go_on(folder, asked, 
     monkeypatch.setattr(FakeRig, "set_pressure", lambda self, a, b: (_ for _ in ()).throw(OSError("valve stuck")))
     assert run(["campaign", "run", asked, "--out", str(folder), "--rig", "campaign.fake_rig:FakeRig"]) == 1
     error = capsys.readouterr().err
-    assert "the rig's own code failed: OSError: valve stuck" in error
+    assert "the custom code of the rig failed: OSError: valve stuck" in error
     assert f"pneudrive campaign resume {folder}" in error
 
 

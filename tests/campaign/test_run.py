@@ -409,7 +409,7 @@ def bug(rig):
     return None + 1
 
 
-@pytest.mark.parametrize(("act", "said"), [(fail, "following error"), (bug, "own code failed: TypeError")])
+@pytest.mark.parametrize(("act", "said"), [(fail, "following error"), (bug, "code of the rig failed: TypeError")])
 def test_what_the_rig_cannot_do_ends_the_campaign_at_rest(tmp_path, undisturbed, act, said):
     rig = FakeRig(trouble=on_part(8, act))
     failed(tmp_path / "c", rig, RigError, said)

@@ -86,7 +86,7 @@ class Head:
         Running number of the cycle, from 1.
     cycle : Cycle
     began_s : float
-        Rig clock at time zero of the cycle, in s; used in the analysis of drift.
+        Time of the rig's clock at the start of the cycle, in s. The analysis of drift uses it.
     started : str
         Date and time of the computer, ISO 8601 with zone.
     flags : dict
@@ -98,7 +98,7 @@ class Head:
     attempts : int
         Number of starts of the cycle. More than 1 if it was interrupted and repeated.
     reason : str
-        Reason why an adaptive campaign of an earlier version added the cycle.
+        Reason for a cycle that an adaptive campaign added (earlier versions of pneudrive only).
     sha256 : str
         Hash of the columns, see `pneudrive.campaign.storage.folder.digest`. Empty if the file does not contain one.
     """
@@ -133,7 +133,7 @@ def read_head(text: str, where: str, index: int | None = None, key: str = "") ->
     where : str
         File, for messages.
     index, key : int or None, str
-        Values from the file's name, used if the header lacks them.
+        Values from the file's name. They replace values that the header does not contain.
 
     Returns
     -------

@@ -1,6 +1,7 @@
 """Rig that replays a campaign folder. For each cycle it plays the matching recording.
 
-This module is in a layer above `pneudrive.rig`, because it reads campaign folders. The registry of rigs names it.
+This module is in a layer above `pneudrive.rig`, because it reads campaign folders. The registry
+`pneudrive.rig.rig_file.LOADERS` refers to it.
 """
 
 from __future__ import annotations
@@ -36,7 +37,7 @@ SPEED_TOLERANCE, PRESSURE_TOLERANCE_PA = 0.05, 2000.0
 
 
 def near(asked: float, recorded: float, tolerance: float) -> bool:
-    """Return whether a recorded value differs from the requested one by at most this fraction."""
+    """Return whether a recorded value differs from the requested one by at most the fraction `tolerance`."""
     return abs(asked - recorded) <= tolerance * asked
 
 
@@ -91,8 +92,9 @@ class ReplayRig:
 
     Notes
     -----
-    `acquire` plays the recording that matches the request: steps, pressures and mounting within the tolerance. If
-    several match, it takes the one whose key `begin_cycle` announced, otherwise the one played least often.
+    `acquire` plays the recording at the selected levels whose steps and pressures match the request within the
+    tolerances. If several recordings match, it takes the one whose key `begin_cycle` announced, otherwise the one
+    played least often.
     """
 
     def __init__(
@@ -160,7 +162,7 @@ class ReplayRig:
         self._state = replace(self._state, pressure_a_pa=ambient, pressure_b_pa=ambient, moving=False)
 
     def begin_cycle(self, key: str) -> None:
-        """Prefer the recording with this key over others that match."""
+        """Prefer the recording with this key over other recordings that match."""
         self._key = key
         for file in self.files:
             if file.cycle.key == key:
@@ -296,7 +298,9 @@ def _envelope(files: Sequence[CycleFile], identity: Identity) -> Envelope:
         elif len(moves) > 1:
             ends += moves
     if not ends:
-        raise RigError("no recording moves in both directions", rule="the range of the axis is unknown then")
+        raise RigError(
+            "no recording moves in both directions", rule="without such a recording the range of the axis is unknown"
+        )
     cycles = [file.cycle for file in files]
     pressures = [pressure for cycle in cycles for pressure in cycle.pressures_pa]
     force = identity.limits.get("force_n", (-NO_LIMIT_N, NO_LIMIT_N))

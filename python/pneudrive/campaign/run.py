@@ -62,7 +62,8 @@ def run_campaign(
     protocol : Protocol, str or Path
         A protocol, its file, or the name of a ready protocol.
     rig : Rig, str or Path
-        A rig, or the source of one for `pneudrive.rig.load_rig`, which also gets the seed of the protocol.
+        A rig, or its name, file, address or code for `pneudrive.rig.load_rig`. The seed of a simulated rig is that of
+        the protocol.
     into : str or Path
         The campaign folder; created if missing.
     options : Options, optional
@@ -71,8 +72,8 @@ def run_campaign(
     pace : float, optional
         Seconds of a simulated rig per second of wall-clock time. Default: as fast as possible.
     subscribers : sequence of callable
-        Called with bluesky's documents (name, document): a start, a descriptor, an event for each finished
-        cycle, a stop.
+        Called as ``subscriber(name, document)`` with the documents of bluesky's event model: a start, a descriptor, an
+        event for each finished cycle, a stop.
 
     Returns
     -------
@@ -136,7 +137,7 @@ def resume_campaign(
     Raises
     ------
     ProtocolError, CampaignError, RigError
-        As in `run_campaign`; also if `rig` is required.
+        As in `run_campaign`; also if `rig` is required but missing.
     """
     folder = Path(folder)
     campaign = Campaign.open(folder)

@@ -14,8 +14,8 @@ rigs `Reproducible` (begin_cycle, memory, restore) and `Changeable` (levels, cha
 A simulated rig is a TOML file in which each value has its source. `shipped_rigs` lists the files of the package. A file
 can extend another file.
 
-A new kind of rig needs a function (source, seed, pace) -> Rig and a line in `pneudrive.rig.rig_file.LOADERS`. The
-scheme of an address is its kind. A TOML file has the key ``kind``. A folder has the kind ``folder``.
+A new kind of rig needs a function (source, seed, pace) -> Rig and a line in `pneudrive.rig.rig_file.LOADERS`. The kind
+of a rig is the scheme of its address, the key ``kind`` of its TOML file, or ``folder``.
 
 `SimulatedRig` can also be used without a campaign, and is then stateless. `drag` returns the true signals of cycles at
 one speed, `record` the readings of the sensors, and `measure` does both. `sweep` measures over speeds and pressures.

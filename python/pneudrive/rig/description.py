@@ -1,7 +1,7 @@
 """Description of a simulated rig: its sensors, and a TOML file in which each value has a unit and a source.
 
-Only known keys are read. One file can extend another. Parameters of components come from the core: the parameters of
-friction are those of the law, and its modifiers are as in a drive file.
+Only known keys are read. One file can extend another. The core defines the parameters of the components. The table of
+friction has the parameters of its law, and the modifiers of a drive file.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ class AnalogSensor:
     gain_error : float
         Relative error of the gain.
     hysteresis : float
-        Error with the sign of the signal. It has full size for signals above 1 % of the range.
+        Error that has the sign of the signal. It is constant for signals beyond 1 % of the range.
     """
 
     low: float

@@ -1,7 +1,7 @@
 """Interface of rigs with nine methods, for simulated rigs, replays, PLCs and custom code.
 
 To connect your own hardware, write a class with the methods of `Rig`; a base class is not needed. All numbers are in
-SI, and pressures are absolute. x grows as chamber a grows. The force is that of the rig on the piston in +x.
+SI, and pressures are absolute. x grows as chamber a grows. A positive force of the rig pushes the piston in +x.
 """
 
 from __future__ import annotations
@@ -182,7 +182,7 @@ class Samples:
 
     @classmethod
     def join(cls, parts: Sequence[Samples]) -> Samples:
-        """Join parts in their order; no parts give no samples."""
+        """Join parts in their order. Without parts, the result has no samples."""
         joined: dict[str, NDArray[Any]] = dict.fromkeys(CHANNELS, np.zeros(0))
         joined["step"] = np.zeros(0, dtype=np.int64)
         for name, none in joined.items():
@@ -196,7 +196,7 @@ class Samples:
         Raises
         ------
         RigError
-            A channel is missing or of another length.
+            A channel is missing, or its length differs from the others.
         """
         try:
             channels = {name: np.array(getattr(given, name), dtype=float) for name in CHANNELS}
@@ -263,7 +263,7 @@ class Envelope:
     position_m : (float, float)
         Range in which the axis may move.
     speed_m_s, acceleration_m_s2, jerk_m_s3 : float
-        Largest values of the axis.
+        Largest speed, acceleration and jerk of the axis.
     force_n : float
         Largest force of either sign on the sensor.
     pressure_pa : (float, float)

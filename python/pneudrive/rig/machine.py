@@ -82,7 +82,7 @@ def core_rig(
     d : RigDescription
     pressures_pa : (float, float)
     friction : dict, optional
-        Result of `core_friction`; the default is the rig's friction.
+        Result of `core_friction`. Default: `core_friction` of the rigid mounting.
     temperature_k : float, optional
         Temperature of the room in K. Default: that of the rig file.
     """
@@ -166,7 +166,7 @@ class Past:
     Attributes
     ----------
     key : str
-        Key of the last cycle, from which its friction scale is drawn.
+        Key of the last cycle. The random friction scale of the cycle depends on it.
     clock_s : float
         Clock of the rig.
     travel_m : float
@@ -282,7 +282,7 @@ CREEP_M_S = 1e-9
 
 
 class Machine:
-    """Axis, drive and chambers. Each step leads from one history to the next.
+    """Axis, drive and chambers of a simulated rig. Each step takes a history and returns the next one.
 
     Parameters
     ----------
@@ -342,7 +342,9 @@ class Machine:
         times: Array,
         look: Callable[[float], object] | None = None,
     ) -> tuple[Past, Columns]:
-        """Return the history after one step, and the true signals. `look` is called regularly and may raise an error.
+        """Return the history after one step, and the true signals.
+
+        `look` is called regularly and may raise an error to end the step.
 
         Raises
         ------

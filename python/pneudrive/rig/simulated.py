@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, repr=False)
 class Trace(Shown):
-    """True signals of the rig at the sample times, before the sensors.
+    """True signals of the rig at the sample times, without errors of the sensors.
 
     Attributes
     ----------
@@ -468,7 +468,7 @@ class RigSession:
     def acquire(self, steps: Sequence[Step], sampling: Sampling | None = None) -> Iterator[Samples]:
         """Run the steps in their order, and yield the samples in parts as they arrive.
 
-        Closing the iterator early brings the axis to rest. The default of `sampling` is that of the rig file.
+        Closing the iterator early brings the axis to rest. If `sampling` is None, the sampling of the rig file is used.
         """
         self._idle()
         self._check(steps)
@@ -633,6 +633,6 @@ class RigSession:
             self.past = self._machine.cut(run.before, run.step, run.motion, run.reached_s)
 
     def _wait(self, began: float, until_s: float) -> None:
-        """Wait until a time of the rig at its pace, or until the rig is stopped."""
+        """Wait until `until_s` after the beginning, at the rig's pace, or until the rig is stopped."""
         if self.pace is not None:
             self._halted.wait(max(0.0, began + until_s / self.pace - monotonic()))

@@ -25,7 +25,7 @@ def limits_of(fit: FrictionFit, identity: Identity, envelope: Envelope) -> Limit
     Parameters
     ----------
     fit : FrictionFit
-        Its law determines which pressures have an effect.
+        Fit of a friction law. The grid varies the pressures on which the law depends.
     identity, envelope : Identity, Envelope
         Limits of the rig.
     """

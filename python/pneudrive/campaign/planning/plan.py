@@ -71,7 +71,7 @@ def ordered_points(protocol: Protocol, block: int, families: Sequence[list[list[
     block : int
         Number of the block, from 1.
     families : sequence of list
-        Points of the sweep and of the stops, a list for each pressure.
+        Points of the sweep, then points of the stops. Each of the two has a list of points for each pressure.
     """
     kind, repeats = protocol.order.kind, protocol.repeats
     if kind == "as-given":  # a change of pressure is slow: the list is repeated at each pressure
@@ -115,7 +115,7 @@ CHECKING = Sampling(hold_rate_hz=1000.0, burst_rate_hz=0.0)
 def lay_out(protocol: Protocol, identity: Identity, envelope: Envelope) -> Plan:
     """Lay out a protocol for a rig and check it against the rig's limits.
 
-    The same arguments give the same plan, on every machine; keys of cycles do not depend on other cycles.
+    The same arguments give the same plan on every machine. The key of a cycle does not depend on other cycles.
 
     Parameters
     ----------
@@ -202,13 +202,14 @@ def _planned(plan: Plan) -> Iterator[Planned]:
 def _block(
     plan: Plan, before: dict[str, str] | None, levels: dict[str, str], points: list[Planned]
 ) -> Iterator[Planned]:
-    """Yield the cycles of a block in running order, without their place in the plan.
+    """Yield the cycles of a block in running order. They are not yet assigned to the block.
 
     Parameters
     ----------
     plan : Plan
     before, levels : dict
-        Levels of the factors that are changed by hand, in the block before (None: no block) and in this block.
+        Levels of the factors that are changed by hand: in the previous block (None for the first block) and in this
+        block.
     points : list of Planned
         Design points in running order.
     """
@@ -272,7 +273,7 @@ def _entry(
     wait_s: float = 0.0,
     **about: Any,  # noqa: ANN401 - the optional fields of Cycle
 ) -> Planned:
-    """Return a cycle that is not yet assigned to a block. Its key does not contain the block."""
+    """Return a cycle that is not yet assigned to a block. Its key does not contain the number of the block."""
     pressures = pair.absolute_pa(plan.identity.ambient_pressure_pa)
     cycle = Cycle(name, kind, steps, sampling or plan.protocol.sampling, *pressures, start_m=plan.ends_m[0], **about)
     at, axis_s, samples = plan.ends_m[0], 0.0, int(bool(steps))
@@ -371,7 +372,7 @@ def _blocks(plan: Plan) -> str:
 
 
 def _pressures(levels: Sequence[Pair]) -> str:
-    """Return the pressures as text, absolute or gauge as stated."""
+    """Return the pressures as text, absolute or gauge as in the protocol."""
     (a, b), last = ([f"{p.to('bar'):.6g} bar {'gauge' if p.gauge else 'abs'}" for p in levels[end]] for end in (0, -1))
     if len(levels) == 1:
         return f"{a} in both chambers" if levels[0].a == levels[0].b else f"{a} in chamber a, {b} in chamber b"

@@ -64,7 +64,7 @@ class Plan(Shown):
     ----------
     protocol, identity, envelope
     planned : tuple of Planned
-        In the order in which they are run.
+        Cycles in the order in which they are run.
     notes : tuple of str
         Cautions.
     """
@@ -297,7 +297,7 @@ def _pressures(cycle: Cycle, plan: Plan) -> Iterator[Finding]:
 
 
 def _balance(rig: Identity) -> str:
-    """Return the remedy for an excessive pressure force. Equal pressures balance only equal areas."""
+    """Return the remedy for an excessive pressure force. It depends on the ratio of the piston areas."""
     ratio = rig.area_b_m2 / rig.area_a_m2
     if math.isclose(ratio, 1.0):
         return "Bring the pressures of the chambers closer together"

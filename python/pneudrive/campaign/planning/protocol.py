@@ -39,7 +39,7 @@ class Pair(NamedTuple):
 
     @property
     def name(self) -> str:
-        """Part of a key: ``a0.5/b0.5`` in bar gauge, or ``a1.5abs`` if the pressure is stated as absolute."""
+        """Text for the key of a cycle: ``a0.5/b0.5`` in bar gauge, or ``a1.5abs`` for a pressure stated as absolute."""
         a, b = (f"{p.value_pa / 1e5:.6g}{'' if p.gauge else 'abs'}" for p in self)
         return f"a{a}/b{b}"
 
@@ -70,7 +70,7 @@ class AxisPosition:
     relative: bool
 
     def at(self, low_m: float, high_m: float) -> float:
-        """Return the position in m, for this range."""
+        """Return the position in m, for a used range from `low_m` to `high_m`."""
         return low_m + self.value * (high_m - low_m) if self.relative else self.value
 
     def __str__(self) -> str:
@@ -79,7 +79,7 @@ class AxisPosition:
 
     @property
     def name(self) -> str:
-        """Part of a key: ``x50pc`` or ``x120mm``."""
+        """Text for the key of a cycle: ``x50pc`` or ``x120mm``."""
         return "x" + str(self).replace(" %", "pc").replace(" ", "")
 
 
@@ -319,7 +319,7 @@ class Speeds(ProtocolTable):
 
 
 class Pressures(ProtocolTable):
-    """Pressures in the chambers, in exactly one of three ways; default: both open to ambient."""
+    """Pressures in the chambers, stated in one of three ways. If none is stated, both are open to ambient."""
 
     table_name = "pressure"
     both: MaybePressures = None
@@ -392,7 +392,7 @@ class Stops(ProtocolTable):
 
     @property
     def released(self) -> tuple[bool, ...]:
-        """Levels of the factor: False (held), True (released) or both."""
+        """States of the axis during the stops: False (held), True (released) or both."""
         return {"held": (False,), "released": (True,), "both": (False, True)}[self.axis]
 
 
@@ -440,8 +440,8 @@ class Order(ProtocolTable):
     table_name = "order"
     kind: Literal["as-given", "randomised", "interleaved"] = Field(
         default="as-given",
-        description="as-given: pressure, repeat, speed; randomised: each repeat shuffled by the seed; "
-        "interleaved: levels taken alternately from the lower and the upper half",
+        description="as-given: nested by pressure, then repeat, then speed; randomised: each repeat shuffled by the "
+        "seed; interleaved: levels taken alternately from the lower and the upper half",
     )
     replicates: Count = 1
     """number of times that all blocks are run, each set up again; 2 or more separate the effects of level and block"""
@@ -460,7 +460,7 @@ class WarmUp(ProtocolTable):
 
 
 class SamplingTable(ProtocolTable):
-    """Spacing of the samples; all are kept unfiltered."""
+    """Spacing of the samples. All samples are stored unfiltered."""
 
     table_name = "sampling"
     samples_per_stroke: Annotated[int, Whole(at_least=2, bound="samples")] = 5000
@@ -488,7 +488,7 @@ class KnownWeight(ProtocolTable):
 
 
 class BeforeBlock(ProtocolTable):
-    """Checks before the points of a block; absent keys: no check."""
+    """Checks before the points of a block. A check whose key is absent is not made."""
 
     table_name = "before_block"
     tare_s: MaybeDuration = None
@@ -523,7 +523,7 @@ class Filter(ProtocolTable):
 
 
 class Conditions(ProtocolTable):
-    """Conditions for measuring; outside them the campaign waits."""
+    """Conditions for measuring. If one is not met, the campaign waits."""
 
     table_name = "conditions"
     supply_pressure: marks.MaybePressure = None
@@ -536,7 +536,7 @@ class Conditions(ProtocolTable):
 
 
 class Tightened(ProtocolTable):
-    """Limits in addition to those of the rig; the tighter one applies."""
+    """Limits in addition to those of the rig; the tighter limit applies."""
 
     table_name = "limits"
     speed_m_s: MaybeSpeed = None
@@ -552,7 +552,7 @@ class Tightened(ProtocolTable):
 
 
 class Range(ProtocolTable):
-    """Part of the stroke that is used."""
+    """Part of the stroke that the campaign uses."""
 
     table_name = "position"
     range: Annotated[tuple[AxisPosition, AxisPosition] | None, POSITIONS] = Field(
@@ -642,7 +642,7 @@ class Protocol(ProtocolTable):
 
     @cached_property
     def sampling(self) -> Sampling:
-        """Sampling in the form that a rig takes."""
+        """Sampling of the cycles, as the argument of `Rig.acquire`."""
         return Sampling(**self.samples.stored())
 
     @property

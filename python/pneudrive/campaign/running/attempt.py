@@ -57,7 +57,7 @@ TO_START_M_S = 0.05
 
 
 class GiveUpError(Exception):
-    """Error: the cycle was abandoned, with the reason in the message."""
+    """The cycle was abandoned; the message states the reason."""
 
 
 class Attempts:
@@ -182,34 +182,39 @@ class Attempts:
             raise GiveUpError("the axis was stopped")
 
     def finished(self, head: Head) -> None:
-        """Record that a cycle is finished, now or in an earlier run: the next cycle starts from its end state."""
+        """Record that a cycle is finished, now or in an earlier run.
+
+        The next cycle starts from the end state of this cycle.
+        """
         self._memory = dict(head.memory)
         self._pressures_after = head.cycle.pressures_pa
 
 
 def as_plain(memory: Plain) -> Plain:
-    """Return the snapshot after a conversion to JSON and back, so that a resumed campaign equals an uninterrupted one.
+    """Return the saved state after conversion to JSON and back, so that a resumed campaign equals an uninterrupted one.
 
     Raises
     ------
     RigError
-        If JSON cannot hold it.
+        If JSON cannot represent the saved state.
     """
     try:
         return as_json(memory)
     except (TypeError, ValueError) as error:
         raise RigError(
-            "the rig's memory cannot be stored", value=str(error), rule="it must be plain data that JSON can hold"
+            "the saved state of the rig cannot be stored",
+            value=str(error),
+            rule="it must be plain data that JSON supports",
         ) from None
 
 
 def rig_error(error: BaseException) -> PneudriveError:
-    """Return an error of pneudrive unchanged; wrap an error of a laboratory's code in a RigError."""
+    """Return an error of pneudrive unchanged; convert an error of custom code to a RigError."""
     if isinstance(error, PneudriveError):
         return error
     frame = traceback.extract_tb(error.__traceback__)[-1]
     where = f"{frame.filename}:{frame.lineno}"
-    wrapped = RigError(f"the rig's own code failed: {type(error).__name__}: {error}", where=where)
+    wrapped = RigError(f"the custom code of the rig failed: {type(error).__name__}: {error}", where=where)
     wrapped.__cause__ = error
     return wrapped
 
@@ -231,10 +236,10 @@ class MeasuringBounds:
     Parameters
     ----------
     supply_pressure_pa : float
-        Least absolute supply pressure; 0: not monitored.
+        Lowest absolute supply pressure; 0: not monitored.
     temperature_k : (float, float)
     force_n : float
-        Magnitude at which a cycle is abandoned, to protect sensor and rig.
+        Magnitude of the force at which a cycle is abandoned, to protect sensor and rig.
     """
 
     supply_pressure_pa: float
@@ -408,7 +413,7 @@ def _sensors(samples: Samples, cycle: Cycle, identity: Identity) -> tuple[int, i
 
 
 def _steps(samples: Samples, cycle: Cycle) -> dict[str, int]:
-    """Count the steps without samples, the missing samples of moves with too few, and the missed targets."""
+    """Count steps without samples, missing samples of moves with too few samples, and missed targets."""
     counts = {"steps_missing": 0, "too_few_samples": 0, "target_missed": 0}
     asked, at = cycle.sampling.samples_per_stroke, cycle.start_m
     for number, one in enumerate(cycle.steps):

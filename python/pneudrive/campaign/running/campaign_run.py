@@ -133,7 +133,7 @@ DONE, ENDED = "done", "ended"
 
 
 class EndedError(Exception):
-    """Error: a person ended the campaign. The message names the person."""
+    """The campaign was ended; the message names the person or the reason."""
 
 
 @dataclass(frozen=True)
@@ -145,11 +145,11 @@ class Options:
     operator : str
         Name of the person at the rig.
     yes : bool
-        Whether steps of the operator count as done without an operator.
+        Whether operator's steps count as done without a question to the operator.
     patience_s : float
-        Longest wait for good conditions before the campaign ends.
+        Longest wait for the conditions for measuring. After this time the campaign ends.
     steady_s : float
-        Time of good conditions before the campaign continues.
+        Time for which all conditions must be met before the campaign continues.
     look_s : float
         Interval between queries of the rig's state while waiting.
     display : Display, optional
@@ -352,7 +352,7 @@ class CampaignRun:
         Returns
         -------
         dict
-            Person who answered, with time and manner.
+            Name of the person who answered, time, and ``how``: at the terminal or by another process.
 
         Raises
         ------
@@ -362,7 +362,7 @@ class CampaignRun:
         self._pausing = ""
         self._rest()
         if self._leaving:
-            raise EndedError("nobody would answer")
+            raise EndedError("the process ends and cannot wait for an answer")
         operator = self.options.operator or control.user()
         if question:
             text = f"Operator's step: {question}"
@@ -505,7 +505,7 @@ class CampaignRun:
     # -- finished cycles ----------------------------------------------------------------------------------------
 
     def _write(self, head: Head, samples: Samples, confirmed: dict[str, str]) -> Plain:
-        """Store a cycle, which is then finished. Requests cannot interrupt this."""
+        """Store a cycle, which is then finished. Requests do not interrupt the writing."""
         cycle = head.cycle
         assert cycle.key not in self.finished, f"{cycle.key} is finished already"
         self._index += 1

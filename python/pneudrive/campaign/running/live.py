@@ -49,13 +49,13 @@ class Display:
     total : int
         Number of cycles, finished ones included.
     key, samples : str, int
-        The current cycle, and its samples so far.
+        Key of the current cycle, and number of its samples so far.
     """
 
     title, key, samples = "", "", 0
 
     def began(self, plan: Plan, done: Collection[str]) -> None:
-        """Show that the campaign begins; `done` has the keys of the cycles that are finished already."""
+        """Show that the campaign begins; `done` contains the keys of the cycles that are already finished."""
         times = {p.cycle.key: p.time_s for p in plan.planned}
         self.title, self.total = plan.protocol.name, len(times.keys() | done)
         self._left = {key: time_s for key, time_s in times.items() if key not in done}
@@ -241,7 +241,7 @@ class LiveFiles(Display):
 
 
 def thinned(points: Points, most: int) -> Points:
-    """Return at most `most` rows in order. Each interval of equal length keeps its rows of lowest and highest force.
+    """Return at most `most` rows in order: those of lowest and highest force in intervals of equal length.
 
     Parameters
     ----------

@@ -43,7 +43,7 @@ REMEDIES = {getattr(errno, name): text for name, text in WORDS["remedies"].items
 
 @contextmanager
 def clear_errors(what: str, path: Path) -> Iterator[None]:
-    """Turn errors of the operating system into one clear message.
+    """Convert an error of the operating system to a message with path, reason and remedy.
 
     Raises
     ------
@@ -333,7 +333,7 @@ class Requests:
         return next(filter(None, map(self._take_file, self._waiting())), None)
 
     def wait(self, seconds: float = LOOK_S) -> None:
-        """Wait until a request arrives or `wake` is called, but at most this time in s."""
+        """Wait until a request arrives or `wake` is called, but at most `seconds`."""
         with suppress(queue.Empty):
             self._arrived.get(timeout=seconds)
 
@@ -416,7 +416,10 @@ def ask(folder: Path, word: str, by: str) -> Holder:
 
 
 def wait_for(folder: Path, states: tuple[str, ...], seconds: float) -> Holder | None:
-    """Wait until the process that runs a campaign is in one of these states, or has ended; return its state."""
+    """Wait up to `seconds` for one of these states of the process that runs a campaign.
+
+    Return the process; None if it has ended.
+    """
     until = monotonic() + seconds
     while (running := holder(folder)) is not None and running.state not in states and monotonic() < until:
         sleep(LOOK_S)

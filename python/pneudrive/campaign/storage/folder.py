@@ -53,7 +53,7 @@ LEAST_SAMPLES = 20
 
 
 def speed_of(time_s: Array, position_m: Array, speed_m_s: float) -> Array:
-    """Return the signed speed (n,), averaged over a time that suppresses the noise of the position."""
+    """Return the signed speed in m/s, averaged over a time that suppresses the noise of the position (shape (n,))."""
     width = _window_s(position_m, speed_m_s)
     low = np.maximum(time_s - width / 2, time_s[0])
     high = np.minimum(time_s + width / 2, time_s[-1])
@@ -73,7 +73,7 @@ def steps_from_motion(time_s: Array, position_m: Array, speed_m_s: float | None 
     time_s, position_m : ndarray, shape (n,)
         As recorded. A sample that is not finite or not in order of time takes the number of the sample before it.
     speed_m_s : float, optional
-        Speed that the cycle measures. None: usual speed of the motion.
+        Planned speed of the cycle. None: the usual speed is found from the motion.
 
     Returns
     -------
@@ -152,7 +152,7 @@ class CycleFile(Shown):
 
     @property
     def name(self) -> str:
-        """Name of the file without its ending: index and key."""
+        """Name of the file without its extension: index and key."""
         return self.path.stem
 
     @property
@@ -166,8 +166,8 @@ class CycleFile(Shown):
         Returns
         -------
         Samples
-            As recorded. A missing pressure is replaced by that of the cycle. A missing temperature is NaN. Missing
-            steps are derived from the motion.
+            As recorded. A missing pressure is replaced by the set pressure of the cycle. A missing temperature is NaN.
+            Missing steps are derived from the motion.
 
         Raises
         ------
@@ -222,7 +222,9 @@ def _samples(file: CycleFile, columns: dict[str, NDArray[Any]], derive: bool) ->
     step = channels.pop("step", None)
     missing = [name for name in REQUIRED_COLUMNS if name not in channels]
     if missing:
-        raise CampaignError(f"the file lacks the column {missing[0]}", where=where, rule="names contain the SI unit")
+        raise CampaignError(
+            f"the file lacks the column {missing[0]}", where=where, rule="column names contain the SI unit"
+        )
     cycle, count = file.cycle, channels["time_s"].size
     usual = {"pressure_a_pa": cycle.pressure_a_pa, "pressure_b_pa": cycle.pressure_b_pa, "temperature_k": np.nan}
     channels = {name: np.full(count, value) for name, value in usual.items()} | channels
@@ -300,7 +302,7 @@ def digest(columns: dict[str, NDArray[Any]]) -> str:
 
 
 def file_name(index: int, key: str) -> str:
-    """Return the name of a cycle's file without its ending."""
+    """Return the name of a cycle's file without its extension."""
     return f"{index:05d}-{re.sub(r'[^A-Za-z0-9.+-]+', '_', key)[:150]}"
 
 
@@ -312,7 +314,7 @@ def write_cycle(folder: Path, head: Head, samples: Samples) -> Path:
     folder : Path
         Folder of the campaign.
     head : Head
-        Its ``sha256`` is filled in.
+        Header of the cycle. This function fills in its ``sha256``.
     samples : Samples
         Empty for an operator's step.
 

@@ -36,7 +36,7 @@ def _no_password(_: object) -> None:
 
 
 def _variable(given: object) -> str:
-    """Read the name of an environment variable. A rig file cannot name the variables of other programs."""
+    """Read the name of an environment variable. A rig file may only name variables for passwords of rigs."""
     if not isinstance(given, str) or not given.startswith(PREFIX):
         rule = f"a rig file may send only variables whose names begin with {PREFIX}"
         remedy = 'Write password_env = "PNEUDRIVE_RIG_PASSWORD".'
@@ -45,7 +45,7 @@ def _variable(given: object) -> str:
 
 
 def _file_next_to_it(given: object) -> str:
-    """Read the name of a password file next to the rig file. A path could lead to a private file."""
+    """Read the name of a password file next to the rig file. A path is rejected, as it could lead to a private file."""
     if not isinstance(given, str) or Path(given).name != given or given.startswith(("~", "..")) or "\\" in given:
         rule = "the password file is in the folder of the rig file, and its name has no path"
         remedy = 'Write password_file = "password.txt".'

@@ -46,8 +46,8 @@ class OpcUaRig:
     Notes
     -----
     From the first command on, the client sends a heartbeat. If the heartbeat ends for any reason, the server brings the
-    axis to rest. After a lost connection, the client reconnects and raises `ConnectionLostError`, or `RigError` if this
-    fails.
+    axis to rest. After a lost connection, the client reconnects and raises `ConnectionLostError`. If it cannot
+    reconnect, it raises `RigError`.
     """
 
     def __init__(self, link: Link) -> None:
@@ -75,7 +75,7 @@ class OpcUaRig:
         return self._limits
 
     def state(self) -> RigState:
-        """Return the state of the rig. A lost connection is reopened first, and the next verb reports the loss."""
+        """Return the state of the rig. A lost connection is reopened first, and the next command reports the loss."""
         try:
             *values, fault = self._link.read(*STATE, "state.fault")
         except LinkError as error:
@@ -201,7 +201,7 @@ class OpcUaRig:
         return Samples(**dict(zip(SAMPLES.values(), columns, strict=True)))
 
     def _program(self, steps: Sequence[Step]) -> Plain:
-        """Write steps as arrays, within the limits of the rig."""
+        """Return the steps as arrays for the nodes. Reject too many steps, and a known weight without its node."""
         most = self._link.served["step.kind"].length or self._nodes.handshake.steps
         arrays = {name: [getattr(step, field, 0.0) for step in steps] for name, field in STEPS.items()}
         kinds = [HOLD | RELEASED * step.released | SHUT * step.shut if isinstance(step, Hold) else 0 for step in steps]
@@ -226,7 +226,7 @@ class OpcUaRig:
 
     @contextmanager
     def _one_connection(self, doing: str) -> Iterator[None]:
-        """Run a block within one connection, the one that the caller knows.
+        """Run a block on one connection. If the connection was lost since the last call, raise an error.
 
         Raises
         ------

@@ -54,7 +54,7 @@ class ServedNode:
     length: int
 
     def to_raw(self, value: Any, ambient_pa: float) -> Any:  # noqa: ANN401
-        """Return a value in SI as a variant. An array is padded to its length."""
+        """Convert a value in SI to a raw value, as an OPC UA variant. An array is padded to its length."""
         raw = self.node.from_si(value, ambient_pa)
         if self.node.kind.array and self.length:
             raw = [*raw, *[type(raw[0])(0) if raw else 0] * (self.length - len(raw))]
@@ -201,7 +201,7 @@ class Link:
             await _hang_up(client)
 
     async def _find_nodes(self) -> None:
-        """Read the type of each node, and the length of an array."""
+        """Read the type of each node, and the length of each array."""
         uris = await self._request(lambda client: client.get_namespace_array())
         ids = {
             name: tuple(_node_id(text, self.nodes.namespace, uris, self.url) for text in self.nodes.node_ids(name))
@@ -300,7 +300,7 @@ def _node_id(text: str, namespace: str, uris: list[str], url: str) -> Any:  # no
 
 
 async def _hang_up(client: Any) -> None:  # noqa: ANN401 - asyncua's client
-    """Close a connection, as the protocol requires if the server still answers."""
+    """Close a connection. If the server still answers, close it as the protocol requires."""
     transport = getattr(client.uaclient.protocol, "transport", None)
     with suppress(Exception):  # any exception of a half-closed connection is ignored
         await asyncio.wait_for(client.disconnect(), CLOSING_S / 2)
@@ -311,7 +311,7 @@ async def _hang_up(client: Any) -> None:  # noqa: ANN401 - asyncua's client
 
 
 def _reason(error: BaseException) -> str:
-    """Return the reason of an error in one line; asyncua repeats the name of a status at the end."""
+    """Return the reason of an error in one line, without the name of the status that asyncua repeats at the end."""
     name = type(error).__name__
     text = str(error).replace(f"({name})", "").strip()
     return f"{name}: {text}" if text else name

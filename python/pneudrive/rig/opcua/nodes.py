@@ -115,7 +115,7 @@ class Node:
 
 
 class Handshake(Described):
-    """``[handshake]``: times, the ring of slots, and sizes."""
+    """Table ``[handshake]``: times, slots of the ring, samples of a slot, and steps of a command."""
 
     table_name = "handshake"
     heartbeat_s: Duration = 1.0
@@ -174,7 +174,7 @@ class NodeMap(Described):
 
 
 def load_map(path: str | Path | None = None) -> NodeMap:
-    """Read a node map; None reads the default one.
+    """Read a node map. If `path` is None, read the default map.
 
     Raises
     ------

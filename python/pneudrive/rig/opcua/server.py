@@ -73,7 +73,7 @@ class ServedSession(InternalSession):
         return result
 
     async def write(self, params: Any) -> list[Any]:  # noqa: ANN401
-        """Write those nodes that a client may write."""
+        """Write the nodes that a client may write, and deny access to other nodes."""
         return [
             await self.served.write(request.NodeId, request.Value)
             if request.AttributeId == ua.AttributeIds.Value and self.served.session is self
@@ -110,7 +110,7 @@ class RigServer:
     Parameters
     ----------
     rig : Rig
-        Rig. One worker thread calls its methods, except `stop`, which another thread calls.
+        Rig to serve. One worker thread calls its methods, except `stop`, which another thread calls.
     nodes : NodeMap
     host, port : str, int
         Address to listen on. Port 0 means any free port; `url` then contains the chosen number.
@@ -333,7 +333,7 @@ class RigServer:
             await self._show_state()
 
     async def _show_state(self) -> None:
-        """Publish the state of the rig, later for a slow rig."""
+        """Publish the state of the rig. Do not wait long for a slow rig: its state is published later."""
         if self._shown is None or self._shown.done():
             self._shown = asyncio.create_task(self._read_state())
         await asyncio.wait([self._shown], timeout=STATE_PATIENCE_S)
