@@ -50,8 +50,8 @@ class Pneu:
         Returns
         -------
         xarray.Dataset
-            A new data set. Its variables have their unit in ``attrs["units"]``. Strokes, files and reports need runs in
-            SI.
+            A new data set. Its variables have their unit in ``attrs["units"]``. `strokes`, and writers of files or
+            reports, require a run in SI.
 
         Raises
         ------
@@ -111,13 +111,13 @@ class Pneu:
     def view(self, drive: Drive | Circuit | None = None) -> View:
         """Return plot and key figures of a run: stroke times, impacts, air consumption, peak pressures, warnings.
 
-        Other data sets have other views: the score of a controlled run, the results of a characteristic, or the spread
-        of the outputs of an ensemble. A sensitivity has the effect of each input. A friction map has curves and flags.
+        The view of a controlled run has its score, of a characteristic its results, of an ensemble the spread of its
+        outputs, of a sensitivity the effect of each input, and of a friction map its curves and flags.
 
         Parameters
         ----------
         drive : Drive or Circuit, optional
-            Simulated drive or circuit. Its gas is needed for volumes at the reference atmosphere (ANR). Default: air.
+            Simulated drive or circuit. Air volumes (ANR) are computed from its gas. Default: air.
 
         Returns
         -------
@@ -162,13 +162,13 @@ class Pneu:
         Parameters
         ----------
         drive : Drive
-            Simulated drive, for its stroke and its masses.
+            Drive that was simulated. Its stroke and its masses are needed.
 
         Returns
         -------
         list of StrokeNumbers
             In the order of time; see `pneudrive.datasheet.strokes`. Without ``attrs["command_steps"]``, the time of a
-            command step is only known to within one sampling interval, `begin_within`.
+            command step is uncertain by one sampling interval, which `begin_within` states.
 
         Raises
         ------
@@ -206,12 +206,12 @@ class Pneu:
         return [stroke_of(self._run, drive, *span) for span in zip(begins, ends, within, strict=True)]
 
     def exhaust_air(self, drive: Drive | Circuit) -> ExhaustAir | None:
-        """Return the temperature of the air that leaves the cylinders, and the number of exhausts.
+        """Return the temperature of the air that leaves the cylinders, and how often a chamber exhausts.
 
         Parameters
         ----------
         drive : Drive or Circuit
-            Simulated drive or circuit, for its ambient pressure.
+            Drive or circuit that was simulated. Its ambient pressure is needed.
 
         Returns
         -------

@@ -1,4 +1,4 @@
-"""Faster work on many items: garbage collection paused, reading ahead in threads, and worker processes."""
+"""Faster work on many items: pause garbage collection, read ahead in threads, or use worker processes."""
 
 from __future__ import annotations
 
@@ -113,7 +113,7 @@ def in_processes(work: Callable[..., Result], tasks: Sequence[tuple]) -> list[Re
     Raises
     ------
     RecordingError
-        If a process dies.
+        If a process ends without a result.
     PneudriveError
         If `work` raises it.
     """

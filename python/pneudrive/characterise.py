@@ -1,6 +1,6 @@
 """Friction maps and other curves from recordings, with uncertainty.
 
-``characterise`` is ``pn.characterise``: the friction map of recordings or of a campaign, as a Dataset.
+``characterise`` (``pn.characterise``) returns the friction map of recordings or of a campaign as a Dataset.
 ``characterise_recordings`` also returns the intermediate results for recordings.
 """
 

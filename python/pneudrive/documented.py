@@ -10,18 +10,18 @@ from typing import Any
 
 
 def parts_of(function: Callable[..., Any] | ModuleType, heading: str) -> tuple[str, dict[str, tuple[str, str]]]:
-    """Return the text of a docstring, and form and meaning of each entry below a heading.
+    """Return the text of a docstring, and the type and meaning of each entry below a heading.
 
     Parameters
     ----------
     function : callable or module
     heading : str
-        ``Options`` of a command, ``Settings`` of a characteristic.
+        Heading of the section, such as ``Options``.
 
     Examples
     --------
     >>> parts_of(parts_of, "Parameters")[1]["heading"]
-    ('str', '``Options`` of a command, ``Settings`` of a characteristic.')
+    ('str', 'Heading of the section, such as ``Options``.')
     """
     text, _, described = inspect.cleandoc(function.__doc__ or "").partition(f"\n\n{heading}\n{'-' * len(heading)}\n")
     described = described.partition("\n\n")[0]

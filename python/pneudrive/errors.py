@@ -1,4 +1,4 @@
-"""Errors of all steps from the description to the result, with one form of message for all classes."""
+"""Error classes for all steps from the description to the result. All messages have the same form."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ _HIDDEN = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200b-\u200f\u2028-\u20
 
 
 def shown(given: object, longest: int = LONGEST_QUOTE) -> str:
-    r"""Return a text from a file or a user for messages and reports, with control characters escaped.
+    r"""Escape the control characters in a text from a file or a user, for messages and reports.
 
     Long texts are cut in the middle.
 
@@ -192,7 +192,7 @@ class Problems:
         return otherwise
 
     def add(self, error: PneudriveError) -> None:
-        """Add an error and its sub-errors, each once."""
+        """Add an error and the errors that it contains. Errors that were added before are ignored."""
         for one in error.each():
             one.others = ()
             self.found.setdefault((one.what, one.where), one)
@@ -307,7 +307,7 @@ def warn(message: str) -> None:
 
 
 def is_severe(finding: str) -> bool:
-    """Return whether a finding concerns a danger to people or the machine, or forbids an order."""
+    """Return whether a finding is a hazard, an open check, or a reason not to order the drive yet."""
     return finding.removeprefix("! ").startswith(SEVERE)
 
 
@@ -328,12 +328,12 @@ def nearest(name: str, choices: Iterable[str]) -> str:
 
 @contextmanager
 def naming(name: str, caught: ErrorKind = DescriptionError) -> Iterator[None]:
-    """Prefix the errors of a block with a name.
+    """Put a name in front of the messages of the errors that the block raises.
 
     Raises
     ------
     CommandError
-        Replaces an error of the kind `caught`.
+        The block raised an error of the class `caught`.
     """
     try:
         yield

@@ -29,7 +29,7 @@ ADDITIONS = (" abs", " gauge")
 
 
 class Look(NamedTuple):
-    """Appearance of a mark: name of a colour or position on the ramp from light (0) to dark (1), dash, and marker."""
+    """Appearance of a mark: colour by name or by position on the ramp from light (0) to dark (1), dash, and marker."""
 
     color: str | float = "black"
     dash: Any = "-"
@@ -239,7 +239,7 @@ Mark: TypeAlias = Line | Band | Markers | Rule | Bars | Drawing
 
 @dataclass(frozen=True)
 class Panel:
-    """Marks on two axes. An empty axis stands for the axis of the figure."""
+    """Marks on two axes. If an axis is empty, the axis of the figure is used."""
 
     marks: Sequence[Mark]
     title: str = ""

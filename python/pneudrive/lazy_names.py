@@ -16,7 +16,7 @@ _LOCK = RLock()
 
 
 def upper(name: str) -> Any:  # noqa: ANN401 - any function
-    """Return a function of an upper layer for a method that calls it. ``upper.toml`` lists these functions."""
+    """Return a function of an upper layer, for a method of a lower layer. ``upper.toml`` lists these functions."""
     from pneudrive.errors import package_table
 
     homes = {own: module for module, names in package_table(__file__, "upper.toml").items() for own in names}
@@ -89,7 +89,7 @@ def used_later(importer: str) -> Iterator[None]:
 
 @contextmanager
 def _imports(importer: str, answer: Callable[[str, Sequence[str]], SimpleNamespace]) -> Iterator[None]:
-    """Replace each ``from module import names`` in the block of one module by the result of a function."""
+    """Replace each ``from module import names`` in the block of one module by the result of `answer`."""
     with _LOCK:
         usual = builtins.__import__
 

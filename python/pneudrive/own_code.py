@@ -44,7 +44,7 @@ def load(source: str, kind: ErrorKind, expected: str | None = None) -> Callable[
     kind : type
         Class of the errors.
     expected : str, optional
-        SHA-256 of the file, if it was checked.
+        SHA-256 that the file must have. Default: any.
 
     Raises
     ------

@@ -105,7 +105,7 @@ class StoredResult(Viewed):
         return read_columns(path, ["time_s", *names]) if path.is_file() else None
 
     def _map_and_fits(self) -> View:
-        """Return the view of a friction map with the values of all fits. Fits of its groups are drawn."""
+        """Return the view of a friction map with the values of all fits. The fits of the map's groups are drawn."""
         fits, table = self.content["fits"], self.content["map"]
         rows = [
             replace(row, key=f"{name}: {row.key}", label=f"{name}: {row.label}")
@@ -218,7 +218,7 @@ def _load_table(path: Path) -> Any:  # noqa: ANN401
 
 
 def _frame(path: Path) -> tuple[pl.DataFrame, Plain]:
-    """Return the columns of numbers of a table that pneudrive wrote, and its provenance."""
+    """Return the numeric columns and the provenance of a table that pneudrive wrote."""
     if path.suffix == ".csv":
         names = [name for name in column_names(path, CommandError) if name != "reason"]
         return pl.DataFrame(read_columns(path, names)), {}
@@ -243,7 +243,7 @@ def _curve(
 
 
 def _fit_pairs(before: FrictionFit, after: FrictionFit) -> Iterator[CurvePair]:
-    """Yield both laws over the common range of speed, or of pressure if the pressure was varied more."""
+    """Yield the curves of both laws over the common range of speed, or of pressure if it was varied more than speed."""
     low, high = common(before, after, "speed_m_s")
     (a, a_most), (b, b_most) = gauges = [common(before, after, f"gauge_{side}_pa") for side in "ab"]
     if low > high or any(least > most + SAME_PA for least, most in gauges):
@@ -280,7 +280,7 @@ def _law_pair(
 
 
 def _is_one_sided(fit: FrictionFit) -> bool:
-    """Return whether a fit is of one direction. Its friction then contains the zero error of the force sensor."""
+    """Return whether a fit uses only one direction. Its friction then contains the zero error of the force sensor."""
     return fit.provenance["direction"] != "both"
 
 
@@ -329,7 +329,7 @@ class ValuePair(NamedTuple):
     before, after : str
         Values in the same unit; empty if a result does not contain the value.
     interval_before, interval_after : str
-        95 % intervals. Empty without an interval.
+        95 % intervals; empty if a value has no interval.
     change : float or None
         (after - before) / |before| in SI. None if a number is unknown, if `before` is 0, or if only one of two
         pressures is a gauge pressure.
@@ -349,7 +349,7 @@ NO_VALUE: Compared = ("", "", None)
 
 
 class CurvePair(NamedTuple):
-    """A curve of two results, and the difference (second - first) with the half width of its 95 % band, in SI."""
+    """A curve of each of two results, and their difference (second - first) with its 95 % half band, in SI."""
 
     first: ShownCurve
     second: ShownCurve
@@ -360,7 +360,7 @@ class CurvePair(NamedTuple):
     def rows(self) -> Iterator[tuple[str, ...]]:
         """Yield label, abscissa, difference and its 95 % interval, in usual units.
 
-        A curve with a band is listed at several abscissas, any other curve where the difference is largest.
+        A curve with a band has rows at several abscissas, a curve without a band one row at the largest difference.
         """
         (x_size, x_unit), (size, unit) = self.first.units
         most = [int(np.argmax(np.abs(self.difference)))]
@@ -446,7 +446,7 @@ class ResultComparison(Shown):
         ]
 
     def figure(self) -> Figure:
-        """Return up to four pairs of curves, those that differ first, and the difference of each pair with its band.
+        """Return a figure of at most four pairs of curves, differing pairs first, and of their differences with bands.
 
         Raises
         ------
@@ -455,7 +455,7 @@ class ResultComparison(Shown):
         """
         pairs = sorted(self.curves, key=lambda pair: not pair.differs)[:MOST_PANELS]
         if not pairs:
-            raise CommandError(f"two results of the kind {self.kind} have no common curves to draw")
+            raise CommandError(f"these two results of the kind {self.kind} have no curves in common")
         panels = []
         for first, second, x, difference, half in pairs:
             sides = list(zip((first, second), self.names, COMPARED, strict=True))
@@ -544,7 +544,7 @@ def compare_results(first: Any, second: Any, names: tuple[str, str] = ("before",
 
 
 def _values(result: Any, other: Any) -> dict[str, Compared]:  # noqa: ANN401 - any results
-    """Return the values of a result by key, as far as possible by the keys of the other result."""
+    """Return the values of a result by key. A nominal flow becomes a conductance if `other` states a conductance."""
     if isinstance(result, Drive | Circuit):
         ends = {key: " … ".join(one.interval) for key, one in (getattr(result, "provenance", None) or {}).items()}
         keys = {v.key for v in values_of(other)}
@@ -602,7 +602,7 @@ def _number(text: str) -> float | None:
 
 
 def _curve_pair(first: ShownCurve, second: ShownCurve) -> CurvePair:
-    """Return two curves at the abscissas of both within their common range."""
+    """Interpolate two curves at the abscissas of both curves, within their common range."""
     both, x = (first, second), np.unique(np.concatenate([first.x, second.x]))
     low, high = max(curve.x.min() for curve in both), min(curve.x.max() for curve in both)
     x = x[(x >= low) & (x <= high)]

@@ -43,9 +43,9 @@ class ShownValue:
     key : str
         Identifier within the result.
     label : str
-        Name of the object to which the value belongs: the row of a table.
+        Name of the object to which the value belongs; names the row of a table.
     quantity : str
-        Name of the quantity: the column of a table.
+        Name of the quantity; names the column of a table.
     value : float or str
     unit : str
         SI unit; "" for text and counts.
@@ -107,7 +107,7 @@ class ShownValue:
 
     @property
     def sentence(self) -> str:
-        """Quantity (or label, if a table has one column), value and limit in the usual unit."""
+        """Name of the quantity (or label, if the table has one column), value and limit in the usual unit."""
         bound = f" (limit {self.limit_text})" if self.limit_text else ""
         name = self.label if self.quantity == VALUE else self.quantity
         return f"{name} {self.text} {self.usual_unit}".strip() + bound
@@ -201,7 +201,7 @@ class ShownFigure:
 
 @dataclass(frozen=True)
 class SentValue:
-    """A value in the data of a view: in SI with the bounds of its interval, and as text in its usual unit.
+    """A value in the data of a view. It has the value and its interval in SI, and a text in the usual unit.
 
     Only leading values have a limit and a state.
     """
@@ -257,7 +257,7 @@ class SentView:
     Attributes
     ----------
     head, table : sequence of str
-        Head and rows of the values, as in a terminal.
+        Header and rows of the table of values, as in a terminal.
     """
 
     title: str
@@ -332,7 +332,7 @@ class View(Shown):
         return (*(value.sentence for value in self.leading), *findings, *self.notes)
 
     def table(self) -> HeadAndRows:
-        """Return head and rows of the values: a row for each label, a column for each quantity."""
+        """Return the header and the rows of the table of values: a row for each label, a column for each quantity."""
         of_column: dict[str, set[str]] = {}
         labels: dict[str, dict[str, ShownValue]] = {}
         for value in self.rows:
@@ -350,7 +350,7 @@ class View(Shown):
         return ("", *(f"{name} {unit or ''}".strip() for name, unit in common.items())), rows
 
     def value_tables(self, without: Collection[ShownValue] = ()) -> list[HeadAndRows]:
-        """Return head and rows of each table of values. Labels with a common quantity share a table."""
+        """Return the header and the rows of each table of values. Labels with a common quantity share a table."""
         quantities: dict[str, set[str]] = {}
         for value in self.rows:
             quantities.setdefault(value.label, set()).add(value.quantity)
@@ -364,7 +364,7 @@ class View(Shown):
         return [replace(self, rows=values).table() for _, values in groups if values]
 
     def curve_table(self) -> HeadAndRows:
-        """Return head and rows of the curves: the ranges of both axes, and the mean half width of the band."""
+        """Return the header and the rows of a table of curves: measured points, ranges of both axes, mean half band."""
         rows = []
         for curve in self.curves:
             (x_size, _), (size, _) = curve.units

@@ -1,4 +1,4 @@
-"""Designs: distributions of one number, and the values of the members of an ensemble."""
+"""Distributions of single numbers, and designs, which give the values of these numbers for all members."""
 
 from __future__ import annotations
 
@@ -243,7 +243,7 @@ def read_text(text: str) -> Any:  # noqa: ANN401 - a distribution, an axis or a 
     Raises
     ------
     CommandError
-        The word is unknown, or the number of quantities is wrong.
+        The name of the distribution is unknown, or the number of quantities is wrong.
 
     Examples
     --------
@@ -283,15 +283,15 @@ class Rows:
     Attributes
     ----------
     names : tuple of str
-        Numbers that vary, as in the drive file.
+        Names of the numbers that vary, as in the drive file.
     size : int
         Number of members.
     about : dict
         Description of the design as plain data. Two designs with the same description have the same rows.
     take : callable
-        (first, last) -> values of members first to last - 1, shape (members, names).
+        Function of (first, last). It returns the values of members first to last - 1, shape (members, names).
     quantiles : callable, optional
-        For a sampled design: points of the unit cube -> values.
+        Function that maps points of the unit cube to values, for a sampled design.
     """
 
     names: tuple[str, ...]
@@ -338,7 +338,7 @@ def _part(values: Array, first: int, last: int) -> Array:
 
 
 def _mixed(scores: Array, by: Array) -> Array:
-    """Return ``scores by'``, computed row by row. With BLAS, rounding would depend on the number of rows."""
+    """Return ``scores @ by.T``, computed row by row. With BLAS, rounding would depend on the number of rows."""
     return sum(scores[:, k, None] * by[:, k] for k in range(scores.shape[1]))  # pyright: ignore[reportReturnType]
 
 
@@ -415,7 +415,7 @@ class EnsembleDesign(Shown):
         Parameters
         ----------
         columns : mapping
-            Name -> values, all of one length.
+            Name -> values. All names have the same number of values.
         """
         return cls("table", dict(columns))
 
@@ -486,9 +486,10 @@ class EnsembleDesign(Shown):
         names: Sequence[str] | None = None,
         seed: int = 0,
     ) -> EnsembleDesign:
-        """Draw members from the posterior of a fit. It is jointly normal in the coordinates of the fit's intervals.
+        """Draw members from the posterior of a fit with all correlations.
 
-        Values that were not free, or that the data do not determine, keep the value of the drive.
+        The distribution is normal in the coordinates in which the fit has its intervals. Numbers that were not free,
+        or that the data do not determine, keep the value of the drive.
 
         Parameters
         ----------
@@ -497,7 +498,7 @@ class EnsembleDesign(Shown):
         n : int
             Number of members.
         names : sequence of str, optional
-            Names of the values that vary. Default: all values that the data determine.
+            Names of the numbers that vary. Default: all numbers that the data determine.
         seed : int
         """
         determined = [name for name in fit.free if name in fit.values and name not in names_of(fit.undetermined)]
@@ -506,7 +507,7 @@ class EnsembleDesign(Shown):
                 raise CommandError(f"the fit has no covariance of {name}", remedy=nearest(name, determined))
         determined = [name for name in determined if names is None or name in names]
         if not determined or not fit.covariance.size:
-            raise CommandError("the fit has no covariance of a value that the data determine")
+            raise CommandError("the data of this fit determine no value with a covariance, so no value can vary")
         return cls("sobol", dict.fromkeys(determined, "as the fit"), n, seed, fit=fit)
 
     @property
@@ -523,12 +524,13 @@ class EnsembleDesign(Shown):
         Parameters
         ----------
         variation : Variation
-            Variation of a drive that begins with the numbers `names`.
+            Variation of a drive. Its first numbers are those in `names`.
 
         Raises
         ------
         CommandError
-            A quantity cannot be read, lengths are unequal, or the correlations contradict each other.
+            A quantity cannot be read, numbers have different counts of values, or the correlation matrix is not
+            positive definite.
         """
         if self.method == "table":
             columns = {name: _column(values, variation.reader(name).value) for name, values in self.each.items()}
@@ -558,7 +560,7 @@ class EnsembleDesign(Shown):
         return Rows(names, size, about, points, quantiles)
 
     def _marginals(self, variation: Variation) -> tuple[Callable[[Array], Array], Plain]:
-        """Return the values at points of the unit cube, and the description of the distributions.
+        """Return a function from points of the unit cube to values, and the description of the distributions.
 
         The normal scores of the numbers may be correlated.
         """
@@ -580,7 +582,7 @@ class EnsembleDesign(Shown):
             i, j = (names.index(name) for name in pair)
             matrix[i, j] = matrix[j, i] = value
         if np.linalg.eigvalsh(matrix)[0] <= 0.0:
-            raise CommandError("the correlations contradict each other", rule="the matrix is positive definite")
+            raise CommandError("the correlations contradict each other", rule="their matrix must be positive definite")
 
         def values(cube: Array) -> Array:
             if self.correlation:
@@ -592,9 +594,9 @@ class EnsembleDesign(Shown):
         return values, {"distributions": texts, "correlation": matrix.tolist() if self.correlation else None}
 
     def _posterior(self, variation: Variation) -> tuple[Callable[[Array], Array], Plain]:
-        """Return the values at points of the unit cube, and the description of the posterior of a fit.
+        """Return a function from points of the unit cube to values, and the description of the posterior of a fit.
 
-        As for the intervals of the fit, the distribution is normal in these coordinates, so that positive values stay
+        The distribution is normal in the coordinates in which the fit has its intervals, so that positive values stay
         positive.
         """
         assert self.fit is not None

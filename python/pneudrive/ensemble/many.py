@@ -1,4 +1,4 @@
-"""One drive in many variants: a study, its chunks, their execution and storage, and the labelled results.
+"""Study of many variants of one drive: its chunks, their execution and storage, and the labelled results.
 
 A study holds all inputs that determine the results of its members. The results of a chunk depend only on the study
 and the chunk's first and last member.
@@ -79,7 +79,7 @@ class EnsembleStudy:
     first: int = 0
 
     def about(self) -> Plain:
-        """Return all inputs that determine the results, as plain data. Equal starts of all members have equal texts."""
+        """Return all inputs that determine the results, as plain data. Equal start states have equal texts."""
         drive, start = self.variation.drive, self.variation.initial
         start = drive.core_initial(start) if self.variation.is_circuit else start  # also that of a circuit file
         return {
@@ -98,7 +98,7 @@ class EnsembleStudy:
         return hashlib.sha256(json.dumps(self.about(), sort_keys=True).encode()).hexdigest()
 
     def chunks(self, members: int | None) -> list[range]:
-        """Return the chunks: ranges of this number of members. The last chunk may be smaller."""
+        """Return the range of members of each chunk. All chunks have the same size, except a smaller last one."""
         sampled = [output for output in self.outputs if output.word in ("samples", "own")]
         samples = sum(len(output.columns) * self.sample_times(output.rate_hz).size for output in sampled)
         size = self.rows.size
@@ -113,7 +113,7 @@ class EnsembleStudy:
         return replace(self, rows=rows, plans=self.plans.part(*ends), first=chunk.start)
 
     def sample_times(self, rate_hz: float) -> Array:
-        """Return the times of samples in s."""
+        """Return the times of the samples of the longest run, in s."""
         return np.arange(round(self.plans.duration_s * rate_hz) + 1) / rate_hz
 
     def run(self, look: Callable[[float], object] | None = None) -> pl.DataFrame:
@@ -170,7 +170,7 @@ class EnsembleStudy:
 
 @dataclass(frozen=True, eq=False)
 class Members:
-    """The results of members as a frame, see `EnsembleStudy.run`. `failed` counts all members of the study."""
+    """Results of members as a frame, see `EnsembleStudy.run`. `failed` is the number of failed members of the study."""
 
     study: EnsembleStudy
     frame: pl.DataFrame
@@ -190,7 +190,7 @@ class Members:
         return [self.frame[output.file_name].to_numpy(writable=True) for output in self.study.outputs]
 
     def view(self) -> View:
-        """Return a view: spread of each output over the members with a value, and the first failure."""
+        """Return the view of the ensemble, with the spread of each output and with the failures."""
         return upper("ensemble_view")(self.dataset())
 
     def save(self, path: Path) -> None:
@@ -348,7 +348,7 @@ class ChunkStore:
         Folder of the study. A missing folder is made.
     study : EnsembleStudy
     members : int, optional
-        Number of members of a chunk. A folder with chunks keeps its chunk size.
+        Number of members of a chunk. In a folder that already has chunks, their size is used.
 
     Raises
     ------
@@ -491,14 +491,15 @@ def simulate_many(
     ----------
     drive : Drive or Circuit
     command
-        As for `pneudrive.simulate`, for all members, but not a function. It may also be a list with one command for
+        One command for all members, as for `pneudrive.simulate` but not a function. Or a list with one command for
         each member (``["0 s: 1", "0 s: 1, 0.2 s: -1"]``). An array has shape (n,) for constant commands, or (n,
-        entries, 2) for times in s and commands. For a circuit, it is a dict by component with any of these forms, or a
-        list of dicts. Members whose commands change at the same times run faster, because they are simulated together.
+        entries, 2) for times in s and commands. For a circuit, give a dict from components to these forms, or a list of
+        dicts. Members whose commands change at the same times run faster, because they are simulated together.
     duration : str, float, or a list or array of them
         Duration of all members, or one duration for each.
     vary : mapping or Design
-        Names that `pneudrive.identify` accepts as free, or ``initial.position`` and similar names. The value is one of
+        Name of each number that varies -> its values. Names are those that `pneudrive.identify` accepts as free, or
+        ``initial.position`` and similar names. The values are one of
 
         - a value for each member: quantities (``["20 mm", "25 mm"]``) or an array in SI, with absolute pressures;
         - a distribution, ``"normal(30 N, 10 %)"``, ``uniform``, ``triangular`` or ``lognormal``, also as an object of
@@ -520,10 +521,10 @@ def simulate_many(
         - a series: ``"samples(position, 100 Hz)"``, by default 1 kHz;
         - a function of sampled signals, see `pneudrive.ensemble.own`.
 
-        A name may be in front: ``"top = max(velocity)"``.
+        A name for the output may precede it: ``"top = max(velocity)"``.
     initial : Initial, dict or str, or a list of them, optional
-        Start state of all members, or one for each, with the same keys. A member's stroke and ambient air give the
-        missing values.
+        Start state of all members, or one for each, with the same keys. Missing values follow from the stroke and the
+        ambient air of the member.
     rtol : float
         Relative tolerance of the solver.
     seed : int, optional
@@ -547,8 +548,8 @@ def simulate_many(
     -------
     xarray.Dataset
         Dimension member, and time if there are samples. It has a variable for each output, ``status`` (0: done) and
-        ``reason``. The varied numbers are coordinates. Each has ``units`` and ``long_name``, in SI with absolute
-        pressure.
+        ``reason``. The varied numbers are coordinates. Each variable and coordinate has ``units`` and ``long_name``.
+        Values are in SI, pressures are absolute.
 
     Warns
     -----
@@ -558,8 +559,8 @@ def simulate_many(
     Raises
     ------
     CommandError
-        A name, a quantity, a row of the design, a command, an output or `out` is not valid, the numbers of commands,
-        durations or start states do not fit the members, or the folder holds another study.
+        A name, a quantity, a row of the design, a command, an output or `out` is not valid; the number of commands,
+        durations or start states differs from the number of members; or the folder holds another study.
     DescriptionError
         The start state does not fit the drive.
     Cancelled
@@ -607,7 +608,7 @@ def study_of(
 ) -> EnsembleStudy:
     """Read and check all inputs of a study before the first run.
 
-    Arguments and errors are those of `simulate_many`. Without `refuse`, the caller checks the rows of the design.
+    Arguments and errors are those of `simulate_many`. If `refuse` is false, the rows of the design are not checked.
     """
     require(drive, "core_json", "drive", 'pn.Drive.load("drive.toml")')
     check_tolerance(rtol)

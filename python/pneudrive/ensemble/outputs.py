@@ -104,7 +104,7 @@ class MemberPlans:
             yield slice(None) if longest == 1 else np.array(own), plans, durations
 
     def about(self) -> Plain:
-        """Return commands and durations as plain data. Lists with an entry for each member become a SHA-256."""
+        """Return commands and durations as plain data. A list with an entry per member is replaced by its SHA-256."""
         steps = self.steps.items()
         said = {name: [*map(list, each[0])] if len(each) == 1 else _digest(each) for name, each in steps}
         command = next(iter(said.values())) if list(said) == ["command"] else said
@@ -232,7 +232,7 @@ _CALL = re.compile(r"\s*([a-z_]+)\s*\((.*)\)\s*", re.DOTALL)
 
 @dataclass(frozen=True)
 class Reduction:
-    """An output of each run, for one drive.
+    """An output that is computed from each run of one drive.
 
     Attributes
     ----------
@@ -244,12 +244,12 @@ class Reduction:
         Name of the variable.
     unit, long_name : str
     level : float
-        For ``time_when`` and ``rate_when``: the level, in the unit of the signal. For ``settling``: half the width of
-        the band.
+        For ``time_when`` and ``rate_when``: the level, in the unit of the signal. For a settling time (``own``): half
+        the width of the band.
     rate_hz : float
         For ``samples`` and ``own``: the sampling rate.
     above : bool
-        For ``time_when`` and ``rate_when``: whether the signal must be above the level, and not below.
+        For ``time_when`` and ``rate_when``: whether the signal must be above the level; False: below it.
     function : callable, optional
         For ``own``: the user function.
     """
@@ -295,8 +295,8 @@ class Output:
     Parameters
     ----------
     function : callable
-        Function of a dict of signals, each of shape (members, samples), and of their times in s, shape (samples,). It
-        must return one number for each member. It receives the members of a chunk together. The value of a member must
+        Function of a dict of signals (members, samples) and of their times in s (samples,). It must return one number
+        for each member. It receives the members of a chunk together. The value of a member must
         not depend on other members.
     signals : sequence of str
         Signals that the function receives.
@@ -342,7 +342,7 @@ class SignalNames:
         Whether the commands first move the piston towards the end of chamber b. None if they do not move it, or if the
         members differ.
     states : sequence of str
-        Signals that are kept by default.
+        Signals whose final values are outputs by default.
     """
 
     def __init__(
@@ -418,7 +418,7 @@ def _settling(signals: SignalNames, signal: str, band: str, rate: str = "1 kHz")
     if unit == "K":
         half -= units.parse(f"0 {band.strip().partition(' ')[2]}", unit)  # a band is a difference: 5 degC are 5 K
     if not half > 0.0:
-        raise CommandError(f"outputs: settling({signal}, {band})", rule="the band is greater than 0")
+        raise CommandError(f"outputs: settling({signal}, {band}) has no valid band", rule="a half width greater than 0")
     about = f"time after which it stays within {band} of its final value: {long_name}"
     function = partial(_settled, half)
     return Reduction("own", (column,), f"settling_time_{name}", "s", about, half, _rate(rate), function=function)
@@ -455,7 +455,7 @@ def read_output(text: str, signals: SignalNames) -> Reduction:
     Raises
     ------
     CommandError
-        The word is unknown, the number of arguments is wrong, or a signal or a quantity is not valid.
+        The output is unknown, the number of arguments is wrong, or a signal or a quantity is not valid.
 
     Examples
     --------

@@ -84,7 +84,7 @@ def sensitivity(
     Warns
     -----
     PneudriveWarning
-        Members failed, or an output has no value for some members. Their base points are left out.
+        Members failed, or an output has no value for some members. The base points of these members are left out.
 
     Raises
     ------
@@ -147,9 +147,10 @@ def _labelled(study: EnsembleStudy, found: Mapping[str, NDArray[Any]], about: Ke
 
 
 def sobol_points(n: int, d: int, seed: int) -> Array:
-    """Return the points at which Sobol indices are estimated, shape (n (d + 2), d), within the unit cube.
+    """Return the points of the unit cube at which Sobol indices are estimated, shape (n (d + 2), d).
 
-    The points are n points A, n points B, and for each argument the points A with this argument from B [saltelli2010].
+    The points are n points A, n points B, and, for each argument, the points A with this argument taken from B
+    [saltelli2010].
     A and B are halves of one scrambled Sobol sequence in 2 d dimensions; n should be a power of 2.
     """
     sequence = qmc.Sobol(2 * d, scramble=True, rng=seed)
@@ -214,7 +215,7 @@ def _indices(f: Array) -> Array:
 
     The first order is Saltelli's estimator of 2010, ``S_i = mean(f_B (f_ABi - f_A)) / V``. The total is Jansen's, ``T_i
     = mean((f_A - f_ABi)^2) / (2 V)``. V is the variance of f over A and B. The mean of f is subtracted
-    [saltelli2010,jansen1999]. `scipy.stats.sobol_indices` has the same estimators, for a power of 2 of points only.
+    [saltelli2010,jansen1999]. `scipy.stats.sobol_indices` has the same estimators, but requires n to be a power of 2.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Varied numbers of a drive or a circuit: names, quantities, members in the form of the core, and their simulation."""
+"""Varied numbers of a drive or a circuit: their names and quantities, and the simulation of members by the core."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ class CoreMembers(NamedTuple):
     Attributes
     ----------
     paths : list of str
-        Varied numbers in the core's form, including those derived from others.
+        Names in the core of the varied numbers, and of the numbers that depend on them.
     values : ndarray, shape (n, paths)
     starts : dict
         See `Starts`.
@@ -113,7 +113,7 @@ class Variation:
 
     @cached_property
     def family(self) -> DriveFamily:
-        """Drives for any values of the numbers, except numbers of the start state."""
+        """Family of drives that differ in the varied numbers. Numbers of the start state are not included."""
         names = [name for name in self.names if not name.startswith(free.INITIAL)]
         return free.family_of(self.drive, free.find(self.drive, names))
 
@@ -263,7 +263,7 @@ class QuantityReader:
             return units.parse(given, self.number.unit)
 
     def width(self, given: object, about: float) -> float:
-        """Return a difference in SI. ``"10 %"`` is a fraction of `about`.
+        """Read a difference, such as a standard deviation, and return it in SI. ``"10 %"`` is a fraction of `about`.
 
         Raises
         ------
@@ -283,7 +283,7 @@ class QuantityReader:
 
 @contextmanager
 def _named(name: str) -> Iterator[None]:
-    """Add the name of the parameter to an error of its quantity."""
+    """Add the name of the parameter to the message if its quantity cannot be read."""
     try:
         yield
     except PneudriveError as error:

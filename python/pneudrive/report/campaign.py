@@ -99,7 +99,7 @@ def shown_figures(sections: Iterable[Section]) -> tuple[ShownFigure, ...]:
 
 
 def findings_of(statements: Iterable[Statement]) -> tuple[Finding, ...]:
-    """Return statements as findings: ``bad`` for doubts about the data, ``open`` for undetermined values."""
+    """Return statements as findings. Doubts about the data are ``bad``, undetermined values are ``open``."""
     findings = []
     for s in statements:
         state: State = "good" if s.carried else "bad" if s.topic == "data" else "open"
@@ -129,7 +129,7 @@ def _values(found: CampaignCharacteristics) -> Iterator[ShownValue]:
 
 
 def _leading(found: CampaignCharacteristics, values: Sequence[ShownValue]) -> Iterator[ShownValue]:
-    """Yield friction at the slowest and the fastest speed, and the main effects."""
+    """Yield friction at the lowest and the highest speed, and the main effects."""
     named = condition_names(found)
     for c in [c for c in found.curves if c.direction == BOTH][:1]:
         for i in dict.fromkeys(np.flatnonzero(c.measured)[[0, -1]].tolist()):
@@ -143,7 +143,7 @@ def _leading(found: CampaignCharacteristics, values: Sequence[ShownValue]) -> It
 
 
 def statements(topic: Topic, found: CampaignCharacteristics) -> Blocks:
-    """Show statements on the curves of recordings, and effects."""
+    """Show findings on the curves of recordings, and the effects."""
     yield from page.view_section(topic.key, replace(found.view(), curves=(), figures=(), leading=())).blocks
 
 
@@ -189,7 +189,7 @@ def curves(topic: Topic, found: CampaignCharacteristics) -> Blocks:
 
 
 def air(topic: Topic, found: CampaignCharacteristics) -> Blocks:
-    """Show the force of the air in rising curves."""
+    """Show how much of the friction over speed the force of the air explains."""
     if not found.air:
         return
     named, separated = condition_names(found), [a for a in found.air if a.separated]
@@ -329,7 +329,7 @@ def stops(topic: Topic, found: CampaignCharacteristics) -> Blocks:
 
 
 def traces(found: CampaignCharacteristics) -> Figure:
-    """Draw a short, a middle and a long stop, and their restarts in detail."""
+    """Draw a short, a medium and a long stop, and their restarts in detail."""
     usable, named = found.stops.filter("usable"), condition_names(found)
     rows = (usable if len(usable) else found.stops).sort("dwell_s", maintain_order=True)
     chosen = rows[spread_evenly(range(len(rows)), 3)]
@@ -356,7 +356,7 @@ def traces(found: CampaignCharacteristics) -> Figure:
 
 
 def _force(time_s: Array, friction_n: Array, begin_s: float, end_s: float, label: str = "") -> Axis:
-    """Return an axis with the forces of a span of time."""
+    """Return a force axis whose range contains the friction from `begin_s` to `end_s`."""
     inside = friction_n[(time_s >= begin_s) & (time_s <= end_s)]
     if not inside.size or np.ptp(inside) <= 0:
         return Axis(label)
@@ -368,7 +368,7 @@ def _force(time_s: Array, friction_n: Array, begin_s: float, end_s: float, label
 
 
 def _increments(found: CampaignCharacteristics, s: DwellSeries) -> Panel:
-    """Draw the increments of breakaway in a series of stops over duration, with the best laws."""
+    """Draw the breakaway increments of a series of stops over the stop duration, with the best laws."""
     marks: list[Any] = []
     for index, condition in enumerate(s.conditions[:MOST_SHOWN]):
         own, members = look(index), s.stops.filter(**vars(condition))
@@ -385,7 +385,7 @@ def _increments(found: CampaignCharacteristics, s: DwellSeries) -> Panel:
 
 
 def _laws(s: DwellSeries) -> Iterator[tuple]:
-    """Yield title and formula, parameters of shape, slope, and both criteria of each law."""
+    """Yield the title and formula, shape parameters, slope, and differences in AICc and BIC of each law."""
     least = min(law.bic for law in s.laws)
     for law in s.laws:
         shapes = []
@@ -400,12 +400,12 @@ def _laws(s: DwellSeries) -> Iterator[tuple]:
 
 
 def _known(stops: pl.DataFrame, name: str) -> pl.DataFrame:
-    """Return the stops that determine a value."""
+    """Return the stops in which the quantity `name` has a value."""
     return stops.filter(stops[name].is_not_nan())
 
 
 def relaxation(found: CampaignCharacteristics) -> Figure:
-    """Draw relaxation and recovery distance over duration; a triangle is a recovery that was not completed."""
+    """Draw relaxation and recovery distance over the stop duration. Triangles mark incomplete recoveries."""
     left: list[Markers] = []
     right: list[Markers] = []
     for index, condition in enumerate(sorted(set(conditions_of(found.stops)))[:MOST_SHOWN]):
@@ -477,7 +477,7 @@ def budget(topic: Topic, found: CampaignCharacteristics) -> Blocks:
 
 
 def sources(topic: Topic, found: CampaignCharacteristics) -> Blocks:
-    """Show software, protocol as run, and sources of methods."""
+    """Show the software, the protocol that was run, and the sources of the methods."""
     rows = [
         ("pneudrive, the campaign", str(found.about.get("version", "not stated"))),
         *page.software(),
@@ -584,7 +584,7 @@ def _labels(found: CampaignCharacteristics) -> str:
 
 
 def _common_curves(topic: Topic, c: Comparison) -> Blocks:
-    """Show the curves of both campaigns above their differences, a column for each pair of pressures."""
+    """Show the curves of both campaigns, and below them their differences, in a column for each pair of pressures."""
     curves = c.curves
     if curves is None:
         return

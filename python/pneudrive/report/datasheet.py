@@ -66,7 +66,7 @@ def plot_characteristic(found: xr.Dataset, path: str | Path | None = None) -> Dr
 
 
 def characteristic_view(found: xr.Dataset) -> View:
-    """Return the results of a characteristic with definition and standard; single numbers lead."""
+    """Return the view of a characteristic: its results, definition and standard. Single numbers come first."""
     rows = [
         (
             in_words(name),
@@ -97,7 +97,7 @@ def characteristic_view(found: xr.Dataset) -> View:
 
 
 def characteristic_panels(found: xr.Dataset, title: str = "") -> list[Panel]:
-    """Draw a panel for each result in the figure of a characteristic."""
+    """Return a panel for each result in the figure of a characteristic."""
     kind, title = characteristics()[found.attrs["characteristic"]], title or found.attrs["title"]
     x, parts, panels = kind.x, kind.y.split(), []
     for name in parts:
@@ -236,7 +236,7 @@ def sheet_view(found: Datasheet) -> View:
 
 
 def _leading(found: Datasheet) -> Iterator[ShownValue]:
-    """Yield stroke times and the harder impact with its assumed limit, if the piston reaches its ends; then the air."""
+    """Yield stroke times and the harder impact with its assumed limit, if the piston reaches its ends, and air use."""
     square = found.results.get("square-response")
     if square is not None and square.stroke_time.notnull().all():
         for way, time in zip(("out", "back"), square.stroke_time.to_numpy(), strict=True):
@@ -250,7 +250,7 @@ def _leading(found: Datasheet) -> Iterator[ShownValue]:
 
 
 def _comparisons(measured: MeasuredBeside) -> Iterator[tuple[str, Figure]]:
-    """Yield name and figure of measurements with their simulation: the first run, the first response, and friction."""
+    """Yield names and figures of measurements and their simulation: first run, first frequency response, friction."""
     if measured.validation is not None:
         yield "measured", channel_figure(run_columns(measured.validation.records[0]))
     for response in measured.responses[:1]:

@@ -1,4 +1,4 @@
-"""Parts of a report (sections, text, tables, pictures), the files made of them, report of a fit, and provenance."""
+"""Elements of a report (sections, text, tables, pictures), its files, the report of a fit, and provenance."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ Part: TypeAlias = "Callable[[Topic, Any], Blocks]"  # of a result: yields the bl
 
 @dataclass(frozen=True)
 class Section:
-    """A section of the report. Without a value of `synthetic`, that of the report applies."""
+    """A section of the report. If `synthetic` is None, the value of the report is used."""
 
     key: str
     title: str
@@ -92,7 +92,7 @@ def view_section(key: str, view: View, *, synthetic: bool | None = None) -> Sect
 
 
 def view_report(view: View, *sections: Section | None, synthetic: bool = False) -> Report:
-    """Return the report of a result: verdict (leading values, bad findings), then its view and further sections."""
+    """Return the report of a result: a verdict (leading values, bad findings), then the view and further sections."""
     leading = [Finding(value.sentence, value.state) for value in view.leading]
     bad = [finding for finding in view.findings if finding.state == "bad"]
     rest = replace(view, title="Result", leading=(), findings=tuple(f for f in view.findings if f.state != "bad"))
@@ -107,7 +107,7 @@ def figure_svg(shown: ShownFigure) -> str:
 
 @dataclass
 class Report:
-    """A report: verdict with the worst lines first, sections, and the pictures in its folder."""
+    """A report: a verdict with the worst lines first, sections, and the pictures in the folder of the report."""
 
     title: str
     verdict: Iterable[str | Finding]
@@ -152,7 +152,7 @@ class Report:
                         figure.savefig(temporary, format="png", dpi=PNG_DPI)
 
     def alone(self) -> str:
-        """Return the page with embedded pictures, without a folder of figures."""
+        """Return the page as one file with embedded pictures."""
         self.draw()
         return self.html(linked=False)
 
@@ -195,7 +195,7 @@ def svg_text(figure: DrawnFigure) -> str:
 
 
 def inline(svg: str, name: str, description: str) -> str:
-    """Return an SVG for use inside a page: without prologue, with unique names and the usual text size."""
+    """Return an SVG for use inside a page: no prologue, unique identifiers, and the usual text size."""
     import html
 
     body = svg[svg.index("<svg") :]
@@ -223,7 +223,7 @@ def condition_names(found: CampaignCharacteristics) -> Callable[[Condition], str
 
 
 def by_seal(found: Characterisation) -> dict[str, list[RecordingResult]]:
-    """Group recordings by assembly (seal, mounting, drive), each group in order of pressure."""
+    """Group recordings by assembly (seal, mounting, drive). Each group is sorted by pressure."""
     groups: dict[str, list[RecordingResult]] = {}
     for result in found.results:
         groups.setdefault(group_of(result.recording.labels), []).append(result)
@@ -231,7 +231,7 @@ def by_seal(found: Characterisation) -> dict[str, list[RecordingResult]]:
 
 
 def gauge_bar(level: Level) -> float:
-    """Return the higher gauge pressure of both chambers (bar), as the mean of both directions."""
+    """Return the gauge pressure of the chamber with the higher pressure (bar), as the mean of both directions."""
     return level.pressure_pa / 1e5
 
 
@@ -288,7 +288,7 @@ _FORMS: Mapping[str, Callable[[Any], str]] = {
 
 
 def cell(value: Any, form: str) -> str:  # noqa: ANN401 - whatever results hold
-    """Return a value as text: estimates with their interval, a missing value as a dash. ``%.1f`` gives percent."""
+    """Return a value as text: an estimate with its interval, a missing value as a dash, form ``%.1f`` in percent."""
     if isinstance(value, str):
         return value
     if value is None or (isinstance(value, float) and not math.isfinite(value)):
@@ -303,14 +303,14 @@ def cell(value: Any, form: str) -> str:  # noqa: ANN401 - whatever results hold
 
 
 def field_of(record: Any, field: str) -> Any:  # noqa: ANN401 - whatever results hold
-    """Return a field of an object or a mapping, or of an object in it: ``stop.speed_m_s``."""
+    """Return a field of an object or a mapping. A dotted name, ``stop.speed_m_s``, is a field of one of its fields."""
     for name in field.split("."):
         record = record[name] if isinstance(record, Mapping) else getattr(record, name)
     return record
 
 
 def quantity(field: str) -> tuple[float, str]:
-    """Return the usual unit of a field, as its size in SI and its name, from the field's name.
+    """Return the size in SI and the name of the usual unit of a field. The unit follows from the field's suffix.
 
     Examples
     --------
@@ -330,7 +330,7 @@ def figure_of(layout: str, panels: Sequence[Panel | None], **more: Any) -> Figur
 
 
 def sketch(name: str, there: Collection[str] = (), **values: object) -> Figure:
-    """Return a sketch of ``sketches.toml`` with values in its texts and the optional parts that are present."""
+    """Return a sketch of ``sketches.toml`` with these values in its texts and the optional strokes named in `there`."""
     table, strokes = package_table(__file__, "sketches.toml")[name], []
     for stroke in (stroke for stroke in table["strokes"] if stroke.get("when", "") in ("", *there)):
         own = {key: value for key, value in stroke.items() if key not in ("when", "box")}
@@ -352,7 +352,7 @@ class Topic:
     page : str or Path
         File of the texts: a name in the folder ``texts``, or the path of a study's file.
     key : str
-        Key of the topic in the file, and of the section. A topic has texts by name, with placeholders as in
+        Key of the topic in the file, and of the section. Each text of a topic has a name and placeholders as in
         ``str.format``.
     """
 
@@ -361,7 +361,7 @@ class Topic:
         self.key, self.texts = key, package_table(*where)[key]
 
     def say(self, name: str = "text", /, **values: object) -> str:
-        """Return a text with its values."""
+        """Return a text with these values in its placeholders."""
         return self.texts[name].format(**values)
 
     def text(self, name: str = "text", kind: str = "plain", /, **values: object) -> Paragraph:
@@ -381,8 +381,8 @@ class Topic:
         """Return a table with a row for each record: an object, a mapping, or a tuple with one value per column.
 
         A column is ``head | field | form``. The unit in its heading follows from the suffix of the field, such as
-        ``stop.speed_m_s``. Without a field, values come from tuples. The form is that of ``format``, or a named form. A
-        column of the form "spare" is left out if it is empty.
+        ``stop.speed_m_s``. If a column has no field, each record is a tuple. The form is that of ``format``, or a named
+        form. A column of the form "spare" is left out if it is empty.
         """
         texts, rows = self.texts[name], list(records)
         heads, columns = [], []
@@ -409,7 +409,7 @@ def sections_of(
     found: Any,  # noqa: ANN401 - any result
     synthetic: bool | None = None,
 ) -> list[Section]:
-    """Return the sections of a result. A part yields the blocks of its section. An empty section is left out."""
+    """Return the sections of a result. A function of `parts` yields its blocks. Empty sections are left out."""
     filled = ((topic := Topic(page, key), tuple(part(topic, found))) for key, part in parts.items())
     return [topic.section(*blocks, synthetic=synthetic) for topic, blocks in filled if blocks]
 

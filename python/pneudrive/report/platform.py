@@ -1,4 +1,4 @@
-"""Platform on legs: its lines in one projection, a picture, a film of a run, and a page of a run with its curves."""
+"""Pictures of a platform on legs: lines in one projection, picture, film of a run, and page of a run with curves."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ LOOKS = {name: PenStroke((), cap="butt", **table) for name, table in _LINES.item
 
 
 def platform_lines(platform: Platform, poses: ArrayLike) -> Iterator[tuple[str, int, Array]]:
-    """Yield the lines of a platform: part, number of the leg from 1 (0: no leg), and points.
+    """Yield the lines of a platform: name of the element, number of the leg from 1 (0: no leg), and points.
 
     Points are in m and have the shape (m, k, 3), or (1, k, 3) for lines at rest.
 
@@ -93,16 +93,17 @@ def platform_lines(platform: Platform, poses: ArrayLike) -> Iterator[tuple[str, 
 
 
 def platform_scene(platform: Platform, poses: ArrayLike, size: float = 1.0) -> tuple[Pair, list[PenStroke]]:
-    """Return width and height of the drawing of a platform, in px, and its strokes at all poses, with y downwards.
+    """Return the size of the drawing of a platform, in px, and its strokes at all poses, with y downwards.
 
-    The points of a stroke have the shape (m, k, 2), or (1, k, 2) for parts at rest, labels, and the path of the origin.
+    The points of a stroke have the shape (m, k, 2). For elements at rest, labels and the path of the origin, it is
+    (1, k, 2).
 
     Parameters
     ----------
     platform : Platform
     poses : array, shape (m, n)
     size : float
-        Size on paper relative to `PX_IN`, for the widths of strokes and the size of labels.
+        Scale of stroke widths and label sizes; 1 for `PX_IN` pixels per inch of paper.
     """
     lines = [(part, points @ VIEW.T) for part, _, points in platform_lines(platform, poses)]
     everything = np.concatenate([points.reshape(-1, 2) for _, points in lines])
@@ -232,7 +233,7 @@ def animate_platform(
 
 
 def _write_film(program: str, frames: Iterator[Image.Image], target: Path) -> None:
-    """Write frames as H.264 by ffmpeg."""
+    """Write frames as an H.264 film by ffmpeg."""
     first = next(frames)
     given = ["-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{first.width}x{first.height}", "-r", str(FRAMES_S[".mp4"])]
     command = [program, "-y", "-loglevel", "error", *given, "-i", "-", "-pix_fmt", "yuv420p", str(target)]
@@ -270,14 +271,14 @@ def _paper(size: Pair, strokes: Sequence[PenStroke], row: int, *texts: tuple[flo
 
 
 def run_columns(platform: Platform) -> list[str]:
-    """Return the columns of a run that the pictures of a platform use, time first."""
+    """Return the names of the columns of a run that the pictures of a platform use, time first."""
     legs = [form for _, form in LEG_PANELS if form.startswith("{leg}")]
     own = [form.format(leg=leg.name) for form in legs for leg in platform.legs]
     return ["time_s", *(name for row in pose_columns(platform) for name in row), *own]
 
 
 def read_platform_run(platform: Platform, path: str | Path) -> Columns:
-    """Return the columns of a file of a run that the pictures of a platform use.
+    """Read, from the file of a run, the columns that the pictures of a platform use.
 
     Raises
     ------
@@ -313,7 +314,7 @@ def write_platform_page(platform: Platform, columns: Columns, path: str | Path) 
 
 
 def platform_view(platform: Platform) -> View:
-    """Return the view of a platform: strokes and loads of the legs at half stroke, limits of coordinates, drawing."""
+    """Return the view of a platform: strokes and loads of the legs at half stroke, limits of coordinates, a drawing."""
     home, limits = platform.home, platform.workspace()
     legs = zip(platform.legs, platform.inverse(home), platform.load(home), strict=True)
     rows = [

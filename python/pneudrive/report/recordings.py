@@ -54,7 +54,7 @@ LAYOUT_IN = 9.0
 
 
 def write_layout_figure(proposal: Proposal, path: str | Path) -> Path:
-    """Draw the channels as read, strokes shaded, and force against position.
+    """Draw the channels as pneudrive reads them, with shaded strokes, and force against position.
 
     Parameters
     ----------
@@ -94,14 +94,14 @@ def write_layout_figure(proposal: Proposal, path: str | Path) -> Path:
 def record_figure(
     recording: Recording, strokes: Sequence[Stroke], notes: Mapping[str, str] | None = None, title: str = ""
 ) -> Figure:
-    """Draw the channels over time with strokes shaded, and force against position.
+    """Draw the channels over time with shaded strokes, and force against position.
 
     Parameters
     ----------
     recording : Recording
     strokes : sequence of Stroke
     notes : mapping, optional
-        Channel -> title of its panel. With notes, the first strokes are drawn, otherwise all samples of all channels.
+        Channel -> title of its panel. With notes, only the first strokes are drawn, otherwise the whole recording.
     title : str
     """
     first = strokes[:6] if notes else strokes
@@ -147,7 +147,7 @@ def is_open(recording: Recording, side: str) -> bool:
 
 
 def recording_view(recording: Recording) -> View:
-    """Return the view of a recording: ranges and accuracies of channels, sample faults with remedies, two figures."""
+    """Return the view of a recording: ranges and accuracies of channels, faulty samples with remedies, two figures."""
     topic, faults, found = Topic("recordings", "recording"), dict(recording.flags), ()
     with suppress(RecordingError):  # the view of an unusable recording shows its samples
         faults = clean(recording).flags
@@ -233,7 +233,7 @@ def _speed_law(by_law: Mapping[str, FrictionFit]) -> FrictionFit | None:
 
 
 def _fitted(fits: Fits) -> tuple[list[Finding], list[ShownTable]]:
-    """Return findings and tables of the fit with the most parameters of each assembly."""
+    """Return findings and tables on the fit with the most parameters, for each assembly."""
     values, lost, notes = [], dict[Finding, list[str]](), []
     for group, by_law in fits.items():
         fit = richest(by_law)
@@ -254,7 +254,7 @@ def _fitted(fits: Fits) -> tuple[list[Finding], list[ShownTable]]:
 
 
 def speed_figure(groups: list[tuple[MapGroup, list[ShownCurve]]], fits: Fits) -> Figure:
-    """Draw friction and determined laws over speed: a panel for each assembly, a style for each pair of pressures."""
+    """Draw friction and fitted laws over speed: a panel for each assembly, a line style for each pair of pressures."""
     panels: dict[str, list[tuple[MapGroup, ShownCurve]]] = {}
     for group, curves in groups:
         panels.setdefault(group.assembly, []).extend((group, curve) for curve in curves)
@@ -289,7 +289,7 @@ def speed_figure(groups: list[tuple[MapGroup, list[ShownCurve]]], fits: Fits) ->
 
 
 def recovered(found: Characterisation) -> Array:
-    """Return errors, standard errors and U (k = 2) of simulated recordings in N, with the shape (3, recordings)."""
+    """Return error, standard error and U (k = 2) of the friction of simulated recordings, N (3, recordings)."""
     rows = []
     for result in found.results:
         truth, levels = result.recording.truth or {}, result.levels
@@ -299,7 +299,7 @@ def recovered(found: Characterisation) -> Array:
 
 
 def recovered_part(topic: Topic, found: Characterisation) -> Blocks:
-    """Show the recovered friction of simulated recordings."""
+    """Compare the friction evaluated from simulated recordings with its true value."""
     errors, stderr, expanded = np.abs(recovered(found))
     if errors.size:
         ends = dict.fromkeys(f"{value:.2f}" for value in (expanded.min(), expanded.max()))
@@ -439,9 +439,9 @@ def _is_one_chamber(fits: Sequence[ClosureFit]) -> bool:
 
 
 def closures(fits: Sequence[ClosureFit]) -> Figure:
-    """Draw all groups over pressure (over the fitted force if both pressures changed), with residuals below.
+    """Draw half the sum of forces of all groups over pressure, or over the fitted half sum if both pressures changed.
 
-    Lines with as many parameters as points have no residuals. If no line has residuals, there is only one panel.
+    Residuals are in a panel below. Lines with as many parameters as points have none.
     """
     above, below, one_chamber = [], [], _is_one_chamber(fits)
     for index, fit in enumerate(sorted(fits, key=lambda fit: fit.group)):
@@ -502,7 +502,7 @@ def plot_pressure(found: Characterisation, path: str | Path) -> DrawnFigure:
 
 
 def over_pressure(found: Characterisation) -> Figure:
-    """Draw a panel for each line, and one for each seal without a line, on shared axes."""
+    """Draw a panel for each line of friction over pressure, and one for each seal without a line, on shared axes."""
     panels: list[tuple[str, pl.DataFrame, PressureLine | None]]
     panels = [(line.seal, line.table, line) for line in found.pressure_lines]
     with_line = {seal for _, points, _ in panels for seal in points["seal"]}
@@ -523,7 +523,7 @@ def pressure_panel(
     runs: Sequence[str],
     title: str = "",
 ) -> Panel:
-    """Draw the points of each run, and the line with its band."""
+    """Draw the points of each run, and the fitted line with its band."""
     marks: list[Band | Line | Markers] = []
     if line is not None:
         x, label = line.band_pressure_pa, f"95 % for {BAND[line.basis != 'unknown']}"
@@ -576,7 +576,7 @@ def stick_slip(topic: Topic, found: Characterisation) -> Blocks:
 
 
 def motion_figures(motions: Sequence[tuple[str, Array, Array, Array, float]]) -> tuple[Figure, Figure]:
-    """Draw motions over time, and in the phase plane: speed over position minus the mean motion. Each has a column.
+    """Draw motions over time, and in the phase plane: speed over position minus the mean motion, in a column each.
 
     Parameters
     ----------
@@ -599,7 +599,7 @@ def motion_figures(motions: Sequence[tuple[str, Array, Array, Array, float]]) ->
 
 
 def recordings_report(found: Characterisation, fits: Fits, curves: CampaignCharacteristics | None = None) -> Report:
-    """Return the report: view, and sections on measurement, record, budget, curves over speed, and provenance.
+    """Return the report: the view, and sections on measurement, raw record, budget, curves over speed, and provenance.
 
     The parameters are those of `write_report`.
     """
@@ -622,9 +622,9 @@ def write_report(
     Parameters
     ----------
     found : Characterisation
-        Result of recordings, real or simulated.
+        Result of real or simulated recordings.
     fits : mapping or FrictionFit
-        Group -> law -> FrictionFit; may be empty. Or the fit of all recordings.
+        Group -> law -> FrictionFit (may be empty), or one fit of all recordings.
     folder : path-like
         An existing folder; figures go into its subfolder ``figures``.
     curves : CampaignCharacteristics, optional
@@ -645,7 +645,7 @@ def write_report(
 
 
 def provenance(topic: Topic, found: Characterisation) -> Blocks:
-    """Show whether the data are real, software, and sources of methods."""
+    """Show whether the data are real, the software, and the sources of the methods."""
     yield topic.text("synthetic" if found.synthetic else "real")
     yield topic.table([*page.software(), ("protocol of the characterisation", found.protocol)])
     # Notes on origin and licence in the folders of the recordings, or one folder above.
@@ -722,7 +722,7 @@ def record(topic: Topic, found: Characterisation) -> Blocks:
 
 
 def budget(topic: Topic, found: Characterisation) -> Blocks:
-    """Show the uncertainty budget of the levels with smallest and largest uncertainty."""
+    """Show the uncertainty budget of the speed levels with the smallest and the largest uncertainty."""
     levels = sorted(found.levels, key=lambda level: level.expanded_n)
     shown = levels if len(levels) == 1 else [levels[0], levels[-1]]
     assumed = ", ".join(sorted({e.source for level in levels for e in level.budget if e.basis == "assumed"}))

@@ -48,7 +48,7 @@ _OF_WINDOWS = ("backend", "backend_fallback", "interactive", "toolbar")
 
 
 def ink(color: str | float) -> Any:  # noqa: ANN401 - a colour of matplotlib
-    """Return a colour by its name, or by its position on the ramp, for the paper of `applied`."""
+    """Return a colour by its name, or by its position on the ramp, for light or dark paper as set by `applied`."""
     is_dark = load_matplotlib().rcParams["axes.facecolor"] == INKS["paper"][True]
     if isinstance(color, str):
         return INKS[color][is_dark] if color in INKS else color
@@ -74,7 +74,7 @@ def load_matplotlib() -> ModuleType:
 
 @contextmanager
 def applied(*, dark: bool = False) -> Iterator[None]:
-    """Draw in this style inside the block, independent of the settings of the user or of the current folder."""
+    """Use the style of pneudrive inside the block, independent of settings of the user or of the current folder."""
     mpl = load_matplotlib()
     usual = {key: value for key, value in mpl.rcParamsDefault.items() if key not in _OF_WINDOWS}
     changed = {key: value for key, value in usual.items() if mpl.rcParams[key] != value}
@@ -93,7 +93,7 @@ def _figure_class() -> type[Figure]:
         """A figure in the report's style."""
 
         def draw(self, renderer: Any) -> None:  # noqa: ANN401 - of matplotlib
-            """Draw the figure. Tick labels are made now, in this style, in case a user saves the figure later."""
+            """Draw the figure in this style, also if a user saves it later: tick labels are made while drawing."""
             with applied():
                 no_formulas(self)
                 super().draw(renderer)
@@ -145,7 +145,7 @@ def finish(figure: Figure, *, synthetic: bool) -> None:
 
 
 def drawn(figure: figures.Figure, *, synthetic: bool) -> Figure:
-    """Draw a figure, within `applied`, with panel letters, mark of synthetic data and fixed panel positions.
+    """Draw a figure with panel letters, the mark of simulated data and fixed panel positions. Call it in `applied`.
 
     With a layout engine, matplotlib would draw the figure twice for each file.
     """
@@ -194,7 +194,8 @@ def draw_figure(
     path : path-like, optional
         Picture to write: .png, .svg or .pdf.
     synthetic : bool, optional
-        Whether the data are simulated; a mark then says so. Panels have letters. None: no mark and no letters.
+        Whether the data are simulated. True adds a mark, and both True and False add letters to the panels. None adds
+        neither.
     dark : bool
         Draw on dark paper.
 
@@ -217,7 +218,7 @@ def draw_figure(
 
 
 def render(figure: figures.Figure) -> Figure:
-    """Return a figure of matplotlib, within `applied`."""
+    """Draw a figure with matplotlib, and return it. Call this in `applied`."""
     rows, columns = figure.grid
     made = new_figure(figure.row_in * rows + figure.rest_in, figure.width_in)
     first = int(figure.tall is not None and figure.tall_first)
@@ -266,7 +267,7 @@ def render(figure: figures.Figure) -> Figure:
 
 
 def film(pictures: Iterable[figures.Figure]) -> Iterator[Image.Image]:
-    """Yield an image of each figure, within `applied`. All figures have the same size, and contain one drawing."""
+    """Yield an image of each figure. All have the same size and contain one drawing. Call this in `applied`."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from PIL import Image
 
@@ -287,7 +288,7 @@ def film(pictures: Iterable[figures.Figure]) -> Iterator[Image.Image]:
 
 
 def _outer(made: Figure, figure: figures.Figure, axes: dict[int, Axes]) -> None:
-    """Show numbers and labels of shared axes on the outer sides only."""
+    """Show the tick labels and axis labels of shared axes only on the outer sides."""
     rows, columns = figure.grid
     for index, axis in axes.items():
         if figure.share_x and index + columns in axes:
@@ -370,7 +371,7 @@ def _scale(axis: Axes, side: str, own: Axis, marks: Sequence[Any]) -> None:
 
 
 def _limit(axis: Axes, side: str, own: Axis, *, is_first: bool) -> None:
-    """Set the range of an axis after all marks are drawn. The first of several shared axes adds a margin."""
+    """Set the range of an axis after all marks are drawn. Of shared axes, only the first (`is_first`) adds a margin."""
     limit = getattr(axis, f"set_{side}lim")
     if is_first and (own.below or own.above):
         bottom, top = getattr(axis, f"get_{side}lim")()

@@ -1,4 +1,4 @@
-"""View of a sizing, and its page with the values of the best choice, the task, and the command."""
+"""View of a sizing, and its page with the values of the best choice, the task, and the commands that repeat it."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ def sizing_view(found: SizingResult) -> View:
 
 
 def _leading(found: SizingResult) -> Iterator[ShownValue]:
-    """Yield the values that have limits, and the air, of the best choice."""
+    """Yield the values of the best choice that have limits, and its air consumption."""
     task, best = found.task, found.best
     if best is None:
         return
@@ -86,7 +86,7 @@ def _leading(found: SizingResult) -> Iterator[ShownValue]:
 
 
 def _ranges(numbered: Mapping[int, SizedDrive], caption: str) -> ShownTable:
-    """Return, for each choice and quantity, the range of 98 % of the samples with limit and margin."""
+    """Return a table with the range of 98 % of the samples, limit and margin for each choice and quantity."""
     shown = list(numbered.values())
     names = dict.fromkeys(name for drive in shown for name in drive.worst)
     rows = []
@@ -113,7 +113,7 @@ def _ranges(numbered: Mapping[int, SizedDrive], caption: str) -> ShownTable:
 
 
 def _ends(drive: SizedDrive, name: str, factor: float) -> str:
-    """Return the range of 98 % of the samples as text. Empty in folders of earlier versions."""
+    """Return the range of 98 % of the samples as text. It is empty in folders written by earlier versions."""
     if name not in drive.intervals:
         return ""
     low, high = (f"{factor * end:.3g}" if end < math.inf else "no end" for end in drive.intervals[name])

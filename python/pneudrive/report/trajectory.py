@@ -104,9 +104,9 @@ def over_time(run: xr.Dataset, most: int = 20_000) -> Figure:
 
 
 def view_of_run(run: xr.Dataset, described: Circuit | Drive | None = None) -> View:
-    """Return the view of a run with its picture, for a run under control with score and events.
+    """Return the view of a run with its picture. The view of a controlled run also has the score and the events.
 
-    `described` is the simulated drive, for its gas; default: air.
+    `described` is the simulated drive, whose gas is needed for air volumes. Default: air.
     """
     about = attributes(run)
     if "score" in about:  # a run under control, of an axis or a platform
@@ -276,13 +276,13 @@ def _over_time(panels: Sequence[Panel]) -> Figure:
 
 
 def error_unit(errors_m: Sequence[Any]) -> str:
-    """Return the unit in which errors are drawn: micrometres below 5 mm."""
+    """Return the unit in which errors are drawn: micrometres if all are below 5 mm, otherwise millimetres."""
     largest = max((np.abs(error).max() for error in errors_m if len(error)), default=0.0)
     return "um" if largest < 5e-3 else "mm"
 
 
 def gain_rows(laws: Keyed) -> Iterator[tuple[str, ...]]:
-    """Yield the rows of a table of gains: law, key, value, meaning and rule of each."""
+    """Yield the rows of a table of gains: controller, key, value, meaning and rule."""
     for law, tuning in laws.items():
         yield from ((law, *(gain[key] for key in ("key", "written", "meaning", "rule"))) for gain in tuning["gains"])
 
@@ -318,7 +318,7 @@ def controllers_view(found: ControlComparison, measures: Collection[str] = ()) -
     notes += [topic.say("mismatch", mismatch=found.mismatch)] if found.mismatch else []
     notes += [topic.say("spread", spread=found.spread)] if found.spread else []
     return View(
-        f"{found.drive} under {plural(len(found.laws), 'law')} of control, {plural(len(found.runs), 'simulated run')}",
+        f"{found.drive} under {plural(len(found.laws), 'controller')}, {plural(len(found.runs), 'simulated run')}",
         [value for along in found.references for value in found.values(along, measures)],
         notes=tuple(notes),
         state="bad" if failed else "good" if found.is_finished else "open",
@@ -334,7 +334,7 @@ def _called(name: str, text: str) -> str:
 
 
 def _reference_figures(found: ControlComparison) -> Iterator[ShownFigure]:
-    """Yield, for each reference, the errors of all members of a spread, and the tracks and errors of all laws."""
+    """Yield, for each reference, the errors of all members of a spread, and tracks and errors of all controllers."""
     topic = Topic("control", "reference")
     for number, (along, text) in enumerate(found.references.items(), 1):
         called = _called(along, text)
@@ -371,7 +371,7 @@ def box_marks(position: int, values: Sequence[float]) -> Iterator[Any]:
 
 
 def tracks_of(found: ControlComparison, along: str) -> Iterator[tuple[ControlledRun, Columns]]:
-    """Yield, for each law, its first run with a file along a reference: time, position, reference and error in SI."""
+    """Yield the first stored run of each controller along a reference: time, position, reference and error in SI."""
     for law in found.laws:
         run = next((run for run in found.of(law, along) if run.score is not None and run.file.is_file()), None)
         if run is not None:
@@ -410,7 +410,7 @@ DRAWN = {"total": Look("blue"), "first": Look("orange")}
 
 
 def ensemble_view(found: xr.Dataset) -> View:
-    """Return the view of an ensemble: spread of each output over the members with a value, and failures."""
+    """Return the view of an ensemble: the spread of each output over all members with a value, and the failures."""
     rows, missing, fans, counts = [], [], [], []
     for name, column in ((str(name), found[name]) for name in found.data_vars if name not in ("status", "reason")):
         values, (size, unit) = column.to_numpy(), readable(str(column.attrs.get("units", "1")))
@@ -449,7 +449,7 @@ def ensemble_view(found: xr.Dataset) -> View:
 
 
 def sensitivity_view(found: xr.Dataset) -> View:
-    """Return the view of sensitivities: effect of each number on each output with intervals, and bars."""
+    """Return the view of sensitivities: the effect of each number on each output, with intervals and a bar chart."""
     numbers = [str(name) for name in found["number"].to_numpy()]
     rows, leading, findings, panels = [], [], [], []
     for output in map(str, found["output"].to_numpy()):

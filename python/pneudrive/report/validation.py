@@ -39,7 +39,7 @@ def validation_view(content: Keyed, run: Callable[[int], Keyed | None]) -> View:
     content : mapping
         Tables of validation.toml.
     run : callable
-        Function from the index of a record to the columns of its run, or None if the file is missing.
+        Function of the index of a record. It returns the columns of its run, or None if the file is missing.
     """
     records, diagnosis = content["record"], content["diagnosis"]
     leading, causes = [], diagnosis.get("culprit", [])
@@ -89,7 +89,7 @@ def _rows(record: Keyed) -> Iterator[ShownValue]:
 
 
 def _tables(content: Keyed) -> Iterator[ShownTable]:
-    """Yield causes, sizes of residuals, stops and conditions."""
+    """Yield the tables of causes, sizes of residuals, breakaway after stops, and conditions."""
     diagnosis, records = content["diagnosis"], content["record"]
     why = Topic("validation", "why")
     yield why.table(
@@ -166,7 +166,7 @@ def _noise(topic: Topic, found: Validation) -> Blocks:
 
 
 def friction_view(found: FrictionValidation) -> View:
-    """Return the view of a friction law compared with measured friction: agreement in total, and for each condition."""
+    """Return the view of a friction law and measured friction: their agreement in total and for each condition."""
     m, curves = found.metrics, found.curves
     leading = (
         ShownValue("fit", "", "fit", m.fit_percent, "%", limit=STATIC_FIT_PERCENT, state=MET[found.met]),
@@ -191,7 +191,7 @@ def friction_view(found: FrictionValidation) -> View:
 
 
 def friction_figure(curves: list[pl.DataFrame]) -> Figure:
-    """Draw one panel for each condition: measured points and the law's lines, of at most `MOST_SHOWN` curves."""
+    """Draw measured points and the lines of the law, a panel for each condition, for at most `MOST_SHOWN` curves."""
     panels: dict[str, list[Markers | Line]] = {}
     for points in curves[:MOST_SHOWN]:
         condition, direction, *_ = points.row(0)

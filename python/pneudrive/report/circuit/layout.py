@@ -57,7 +57,7 @@ class Shape(NamedTuple):
     points : tuple
         Corners of a line or triangle. Otherwise, the single point of the shape.
     component : str
-        Component of the shape; empty for lines between components, title and notes.
+        Component to which the shape belongs; empty for lines between components, title and notes.
     size : float
         Radius of an arc or a dot in modules, or size of a text in points.
     text : str
@@ -80,7 +80,7 @@ class Shape(NamedTuple):
     net: int = -1
 
     def outline(self, words: Collection[str] = ("arc",), steps: int = 24) -> Points:
-        """Return the points of the shape; for an arc, or another round shape of `words`, points along its outline."""
+        """Return the points of the shape, or points along its outline if it is round and its `word` is in `words`."""
         if self.word not in words:
             return self.points
         ((x, y),), r, (low, high) = self.points, self.size, map(math.radians, self.angles)
@@ -113,7 +113,7 @@ class Block:
         return self.x + low_x, self.y + low_y, self.x + high_x, self.y + high_y
 
     def cells(self) -> Iterator[Place]:
-        """Return the grid points that are blocked for lines."""
+        """Yield the grid points that lines must not cross."""
         for low_x, low_y, high_x, high_y in (self.symbol, label_box(self.label)):
             for x in range(math.ceil(low_x - 0.4), math.floor(high_x + 0.4) + 1):
                 for y in range(math.ceil(low_y - 0.4), math.floor(high_y + 0.4) + 1):
@@ -143,7 +143,7 @@ class Block:
 
 
 def moved(points: Sequence[Any], x: float = 0.0, y: float = 0.0) -> Points:
-    """Return points as floats, moved by x and y."""
+    """Return the points as floats, moved by x and y."""
     return tuple((x + point[0], y + point[1]) for point in points)
 
 
@@ -192,7 +192,7 @@ def _block(name: str, one: Component) -> Block:
 
 
 def _drawn(strokes: Sequence[Keyed], right: float = 0.0) -> Iterator[Shape]:
-    """Yield the shapes of strokes, moved to the right."""
+    """Yield the shapes of strokes, moved by `right` modules to the right."""
     for stroke in strokes:
         if "use" in stroke:
             yield from _drawn(_TABLES["parts"][stroke["use"]], right + stroke.get("right", 0.0))
@@ -238,7 +238,7 @@ def _plain(entry: Keyed) -> tuple[list[Shape], list[Place]]:
 
 
 def bounds(points: Iterable[Point], room: float = 0.0) -> Box:
-    """Return the rectangle around points, with room on all sides."""
+    """Return the rectangle around points, with a margin `room` on all sides."""
     xs, ys = zip(*points, strict=True)
     return min(xs) - room, min(ys) - room, max(xs) + room, max(ys) + room
 
@@ -284,7 +284,7 @@ Step = tuple[Place, Place]
 
 
 class NoWayError(Exception):
-    """Error: no path was found for a line. The drawing is repeated with more room between the blocks."""
+    """No path was found for a line. The layout is repeated with more room between the blocks."""
 
 
 class Routes:
@@ -295,12 +295,12 @@ class Routes:
     placed : mapping
         Blocks by name, placed.
     joints : sequence of Joint
-        Each has two ports or more.
+        Joints, each with two or more ports.
 
     Attributes
     ----------
     lines : list of dict
-        The steps of the line of each joint, and whether a step belongs to a pilot line.
+        Steps of the line of each joint -> whether the step belongs to a pilot line.
     """
 
     def __init__(self, placed: Placed, joints: Sequence[Joint]) -> None:
@@ -501,7 +501,7 @@ def _put_beside(actuator: Block, columns: Sequence[Sequence[str]], beside: Besid
 
 
 def _ranks(wiring: Wiring, names: Sequence[str]) -> dict[str, int]:
-    """Return the distance of each component from the supply. Exhaust parts are below, and actuators are on top."""
+    """Return the row of each component: its distance from the supply. Exhausts are below, and actuators are on top."""
     ports = {name: [port for port in wiring.ports(name) if port.kind == "gas"] for name in names}
     # A supply (a reservoir, a compressor) holds a pressure, or has a single port.
     supplies = [
@@ -529,7 +529,7 @@ def _ranks(wiring: Wiring, names: Sequence[str]) -> dict[str, int]:
 
 
 def _behind(ports: Sequence[Port], wiring: Wiring, known: Mapping[str, int]) -> int | None:
-    """Return the rank of a component at an exhaust, which is below the component that exhausts."""
+    """Return the rank of a component at an exhaust port: one row below the component that exhausts there."""
     for port in ports:
         joint = wiring.at.get(port)
         for other in joint.ports if joint is not None else ():

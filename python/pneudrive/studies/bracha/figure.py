@@ -46,12 +46,12 @@ AT_SPEED = 1e-3
 
 
 def true_strokes(run: Campaign) -> list[list[tuple[float, float | None]]]:
-    """Return speed and true friction of the strokes of each cycle in running order, see `run_experiment`."""
+    """Return speed and true friction of the strokes of each cycle, in the order of the run, see `run_experiment`."""
     return list(read_json(run.path / TRUE_STROKES, CampaignError).values())
 
 
 def run_experiment(protocol: str, rig: str, into: str, seed: int) -> Campaign:
-    """Run one campaign. Store speed and mean true friction (N) at constant speed of every stroke."""
+    """Run one campaign. Store the speed of every stroke, and its mean true friction at constant speed (N)."""
     from pneudrive.campaign.run import Options, run_campaign
     from pneudrive.rig import load_rig
 
@@ -102,13 +102,13 @@ class Claim:
     Attributes
     ----------
     place : str
-        Location of the sentence in the paper [bracha]: ``figure 8``, ``conclusions``, ``equations 2 and 3``.
+        Location of the sentence in the paper [bracha], such as ``figure 8``, ``conclusions`` or ``equations 2 and 3``.
     said : str
         Words of the paper or of a caption. ``...`` marks omissions.
     verdict : {"holds", "holds in part", "does not hold"}
-        Verdict from our data. For "holds in part", `found` states which part does not hold.
+        Verdict from the simulated data. For "holds in part", `found` states which statement does not hold.
     found : str
-        Our result, with the decisive numbers.
+        Simulated result, with the decisive numbers.
     """
 
     place: str
@@ -118,7 +118,7 @@ class Claim:
 
 
 def judge(whole: object, *, part: object) -> str:
-    """Return the verdict on a sentence of the paper: all of it is true (`whole`), or only a part (`part`)."""
+    """Return the verdict on a sentence of the paper: it holds (`whole`), holds in part (`part`), or does not hold."""
     return "holds" if whole else "holds in part" if part else "does not hold"
 
 
@@ -168,7 +168,7 @@ class PaperFigure:
     assumed : str
         Assumptions of the simulated rig beyond the paper.
     rig : (Identity, Envelope) or None
-        Rig that the figure shows, if any.
+        Rig that the figure shows; None if it shows data.
     """
 
     number: int
@@ -408,7 +408,7 @@ def _by_pressure(found: CampaignCharacteristics) -> list[AirShare]:
 
 
 def _shares(found: CampaignCharacteristics) -> list[Columns]:
-    """Return forces of sensor, air and seal at the measured speeds, in the order of pressure."""
+    """Return the force of the sensor and its parts from air and seal at the measured speeds, sorted by pressure."""
     measured = {c.condition: c.measured for c in found.curves if c.direction == BOTH}
     names = ("speed_m_s", "total_n", "air_n", "seal_n")
     return [{name: getattr(s, name)[measured[s.condition]] for name in names} for s in _by_pressure(found)]

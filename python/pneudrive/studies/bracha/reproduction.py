@@ -1,4 +1,4 @@
-"""The study of the source paper: its chamber equations against the energy balance, its figures, claims, report."""
+"""Study of the source paper: its chamber equations checked by the energy balance, its figures, claims, a report."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ class ChamberComparison:
 
 
 def compare_chamber_laws() -> ChamberComparison:
-    """Simulate one stroke out and back at full opening with both chamber laws: the drive of ``full_stroke.toml``."""
+    """Simulate the drive of ``full_stroke.toml`` out and back, with the valve fully open, with both chamber laws."""
     drive = pn.Drive.load(FULL_STROKE)
     runs = {}
     with warnings.catch_warnings():  # as-printed breaks the energy balance, as intended here
@@ -92,7 +92,7 @@ def compare_chamber_laws() -> ChamberComparison:
 
 
 def stroke_out(drive: pn.Drive) -> float:
-    """Return the time (s) of the stroke out at full opening."""
+    """Return the time (s) of the stroke out with the valve fully open."""
     run = pn.simulate(drive, [(0.0, 1.0)], STROKE_S, initial=_start(drive), sample_rate=SAMPLE_RATE)
     return _arrival(run, drive.cylinder.stroke_m)
 
@@ -114,7 +114,7 @@ def energy_residual(run: xr.Dataset, drive: pn.Drive, *, printed: bool) -> float
     with the internal energy U = p V / (k - 1) and the enthalpy h = k / (k - 1) R T of an ideal gas.
 
     The residual is computed from a finished trajectory, and is therefore also available for a law without a ledger.
-    The wall area of the law is used, so that a different wall area does not count as an error.
+    The wall area is that of the chamber law, so that a difference in wall area does not count as an error.
     """
     c, gas = drive.cylinder, drive.gas
     k, r = gas.heat_capacity_ratio, gas.gas_constant_j_kg_k
@@ -276,7 +276,7 @@ def cycle(data: PaperFigure) -> Figure:
 
 
 def over_speed(data: PaperFigure) -> Figure:
-    """Draw figure 6: friction over speed, on linear and logarithmic axes; below, friction minus its true value."""
+    """Draw figure 6: friction over speed on linear and logarithmic axes, and friction minus its true value below."""
     c, settled = data.columns, Look("blue", "-", "x")
     speed, true = c["speed_m_s"], c["friction_true_n"]
     above = [
@@ -319,7 +319,7 @@ def over_pressure(data: PaperFigure) -> Figure:
 
 
 def stop(data: PaperFigure) -> Figure:
-    """Draw figure 9: friction through one stop over time, around the restart over travel, and peaks over speed."""
+    """Draw figure 9: friction over time during a stop, friction over travel at the restart, and peaks over speed."""
     c = data.columns
     time_s = c["time_s"]
     around = c["friction_n"][(time_s > -1.0) & (time_s < time_s[-1] - 1.0)]  # without the turns
@@ -494,7 +494,7 @@ def paper(topic: Topic, made: Reproduction) -> Blocks:
 
 
 def stick_slip(topic: Topic, made: Reproduction) -> Blocks:
-    """Show figures 1 to 3: numbers, over time, in the phase plane."""
+    """Show figures 1 to 3 as a table, over time, and in the phase plane."""
     rows, motions = [], []
     for f in (made.figures[number] for number in (1, 2, 3)):
         law = topic.say(str(f.number))
@@ -550,7 +550,7 @@ PARTS = {"paper": paper, "stick-slip": stick_slip, "chambers": chambers}
 
 
 def provenance(topic: Topic, made: Reproduction) -> Blocks:
-    """Show software, values of the default rig, different values of other rigs, values of the drives, and sources."""
+    """Show the software, the values of the default rig, differing values of other rigs, drive values, and sources."""
     runs, base = made.chambers.runs, made.rigs[0].sources
     cited = (key for run in runs.values() for key in run.attrs["citations"])
     laws = (friction_laws()[name]["source"] for name in ("lugre", "stribeck"))

@@ -63,7 +63,7 @@ def slow_drive(law: str = "lugre") -> pn.Drive:
 
 
 def creep(law: str) -> xr.Dataset:
-    """Simulate the slow drive through the section that the figures show, at the paper's mean speed.
+    """Simulate the slow drive at the paper's mean speed, over the section of the stroke that the figures show.
 
     Parameters
     ----------
@@ -176,13 +176,13 @@ def figure_9(run: Campaign) -> PaperFigure:
     Parameters
     ----------
     run : Campaign
-        Stops of 15 s, and strokes without a stop for uninterrupted sliding.
+        Campaign with stops of 15 s, and with strokes without a stop, whose friction is that of uninterrupted sliding.
 
     Returns
     -------
     PaperFigure
         Columns over the speeds of the restart (m,): mean increment of the peak over uninterrupted sliding, with the
-        half-width of its 95 % interval. Also one stop over time.
+        half-width of its 95 % interval. Further columns: friction over time during one stop.
 
     Raises
     ------
@@ -281,7 +281,7 @@ def _rig_of(run: Campaign) -> tuple[Identity, Envelope]:
 
 
 def _ran(run: Campaign) -> tuple[Array, Array, Array]:
-    """Return measured speed and pressure, and number of evenly spaced samples, of each cycle."""
+    """Return the measured speed, the pressure, and the number of evenly spaced samples of each cycle."""
     rows = []
     ambient = run.identity.ambient_pressure_pa
     for file in run.cycles():
