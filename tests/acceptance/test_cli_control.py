@@ -135,7 +135,7 @@ SETUPS = {
     "slow computer": ('[computer]\ntime = "2 ms"', "0.002 s", "shorter than the period"),
     "fault": ('[[faults]]\nkind = "stuck"\nat = "1 s"', "needs a channel", "pressure_a"),
     "unit of a fault": ('[[faults]]\nkind = "clock"\nat = "1 s"\nvalue = "3 mm"', "faults", "a time"),
-    "times fall": (FALLING, "1 s follows 2 s", "times increase"),
+    "times fall": (FALLING, "1 s follows 2 s", "times of the disturbances must increase"),
     "switches": ('[switches]\nlow = "300 mm"\nhigh = "100 mm"', "switches.high = 100 mm", "above low = 300 mm"),
     "jitter of a sensor": ('[sensors.position]\njitter = "2 ms"', "sensors.position.jitter = 2 ms", "the period, 1 ms"),
     "jitter of the computer": ('[computer]\njitter = "1 ms"', "computer.jitter = 1 ms", "shorter than the period"),

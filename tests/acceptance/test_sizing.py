@@ -285,7 +285,7 @@ def test_a_cycle_takes_the_time_that_the_cycles_of_an_hour_leave(found: SizingRe
 
 def test_a_fault_of_a_task_is_told_before_the_search():
     lift = {"incline": "90 deg", "held_by": "clamp", "clamp_force": "19 N"}  # 2 kg weigh 19.6 N
-    for change, said in ((lift, "at least the 19.61 N"), ({"cycles_per_minute": 20}, "20 a minute are 1200 an hour")):
+    for change, said in ((lift, "at least 19.61 N"), ({"cycles_per_minute": 20}, "20 a minute are 1200 an hour")):
         with pytest.raises(DescriptionError) as error:
             SizingTask(**TASK | change)
         assert said in str(error.value)

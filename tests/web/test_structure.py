@@ -61,7 +61,7 @@ def test_a_component_goes_into_a_line_and_out_again(workspace: Workspace) -> Non
     assert '"valve_l.4 -> tube -> fc_la -> left.a"' in text
     assert "# Ports 3 and 5 of the valves are exhausts" in text
     assert joints(workspace, changed(workspace, text, "remove", "tube")) == joints(workspace, PAIR)
-    with pytest.raises(CommandError, match="joined already"):
+    with pytest.raises(CommandError, match="already connected"):
         changed(workspace, PAIR, "add", "valve_l.4", kind="valve/switching-5/2")
 
 

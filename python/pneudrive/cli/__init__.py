@@ -1,1 +1,1 @@
-"""Command line: parse, call, show; no numerics."""
+"""Command line. It parses arguments, calls functions and shows results, and computes nothing itself."""

@@ -9,7 +9,7 @@ rig : RIG
 folder : DIR
     Campaign folder.
 operator
-    Name of the operator; kept with the campaign and with each operator's step.
+    Name of the operator; stored with the campaign and with each step of the operator.
 yes
     Treat every step of the operator as done, without asking.
 speed
@@ -92,7 +92,7 @@ def run(
     out : DIR
         Campaign folder.
     label : KEY=VALUE
-        Free text kept with the campaign; repeatable.
+        Free text stored with the campaign; repeatable.
 
     Examples
     --------

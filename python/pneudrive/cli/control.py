@@ -3,7 +3,7 @@
 Options
 -------
 setup
-    Instrumentation: ideal, real, cheap (assumed values), or a TOML file; default: that of the controller file, or real.
+    Instrumentation: ideal, real, cheap (assumed values), or a TOML file; default: as in the controller file, or real.
 reference : REF
     Reference: "sine 60 mm 0.5 Hz around 250 mm", "220 mm; 1 s: 280 mm in 0.3 s", R1 to R6, or a file. For a platform: a
     TOML file.
@@ -111,7 +111,7 @@ def run(
     law : LAW
         Controller or own code: mine.py:Law.
     duration
-        Duration, "12 s"; default: that of the reference.
+        Duration, "12 s"; default: the duration of the reference.
     seed
         Seed of all noise.
     initial
@@ -223,7 +223,7 @@ def benchmark(
 
 
 def reference(along: str, *, drive: str, plot: Path | None = None) -> None:
-    """Check a reference against a drive: stroke, shares of valve opening, force and speed, and the necessary slowdown.
+    """Check a reference against a drive: stroke, fractions of opening, force and speed used, and necessary slowdown.
 
     Options
     -------

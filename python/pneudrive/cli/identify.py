@@ -71,8 +71,9 @@ def fit(
     source : MAP|RECORDING...
         Friction maps (map.parquet, map.csv) or campaigns, one or several; or recordings.
     laws : LAW,...
-        Laws to compare, separated by commas; a single law is only fitted. Laws: coulomb, stribeck, or a Stribeck curve
-        of another shape, such as "stribeck lorentzian", "stribeck exponential", "stribeck free". Default: all.
+        Laws to compare, separated by commas. A single law is fitted without comparison. Laws: coulomb, stribeck, or a
+        Stribeck curve of another shape, such as "stribeck lorentzian", "stribeck exponential", "stribeck free".
+        Default: all.
     pressure
         Dependence on pressure: none, linear, quadratic, saturating, interaction. Default: all.
     hold_out
@@ -252,8 +253,8 @@ def identify(
         Sensor: "position: noise = 2 um, offset = free", with noise, offset, offset_uncertainty, gain, lag,
         resolution. "command: delay = free".
     follow : motion
-        A circuit follows the recorded position. Free: volumes, heat, wall, leak, leak_a, leak_b, barrel, or names
-        such as upper.volume.
+        The circuit follows the recorded position. --free may then be: volumes, heat, wall, leak, leak_a, leak_b,
+        barrel, or names such as upper.volume.
     out
         Fit file to write (TOML).
 
@@ -396,7 +397,7 @@ def design(
     criterion
         D: all parameters; I: prediction over the range.
     stops
-        Stops instead of speeds: the dwell law, such as log or hyperbolic.
+        Measure stops instead of speeds, for a dwell law such as log or hyperbolic.
     out
         Protocol file to write.
 

@@ -84,7 +84,7 @@ def number_or_text(text: str) -> float | str:
 
 
 def one_of(option: str, word: str, known: Mapping[str, Value]) -> Value:
-    """Return the value that a word of an option stands for.
+    """Return the value that belongs to a word of an option.
 
     Raises
     ------

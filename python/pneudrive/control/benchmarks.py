@@ -201,7 +201,7 @@ class ControlComparison(Viewed):
         return out + (rows if any(count for count, _ in lost.values()) else [])
 
     def view(self) -> View:
-        """Return a view: best law along each reference, measures and tracks of all laws, and the true drive."""
+        """Return a view: best law along each reference, measures and tracks of all laws, and true drive values."""
         return upper("controllers_view")(self)
 
     def save(self, path: str | Path) -> Path:
@@ -520,7 +520,7 @@ def benchmark(
         ``"all"``, or names, controller files, tunings and custom laws, as for `pneudrive.control.run`.
     references : str, path-like, Reference, sequence or mapping
         ``"standard"``, names of standard references, or references as `pneudrive.control.reference` reads them: one
-        reference, a sequence, or a mapping from names.
+        reference, a sequence, or a mapping from names to references.
     out : path-like
         Folder; it is made if it does not exist.
     seeds : int
@@ -591,7 +591,7 @@ def benchmark(
 def _by_member(
     prepared: Mapping[tuple[str, str], Prepared], spread: Mismatch | None
 ) -> Callable[[str, str, int], Prepared]:
-    """Return a function that gives the inputs of a run. Each member of a spread is another true drive."""
+    """Return a function that returns the inputs of a run. Each member of a spread has another simulated drive."""
     first = next(iter(prepared.values()))
 
     @lru_cache(maxsize=MOST_TRUTHS)

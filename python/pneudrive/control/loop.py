@@ -176,8 +176,8 @@ def _asked(tuning: Tuning, reference: Reference) -> tuple[Demand, float | None]:
 def feasibility(tuning: Tuning, reference: Reference) -> Feasibility:
     """Return the demands of a reference on a drive, and the slowdown that makes the reference feasible.
 
-    Inverse dynamics: the piston of the controller's model follows the reference exactly, and the gas is simulated with
-    the valve opening that produces the required force.
+    The demands follow from inverse dynamics: the piston of the controller's model follows the reference exactly, and
+    the gas is simulated with the valve opening that produces the required force.
 
     Parameters
     ----------
@@ -298,8 +298,8 @@ def view_of_lag(drive: DriveOrCircuit, tuning: Tuning, setup: SetupOrFile) -> Vi
     Returns
     -------
     View or None
-        The margin is found by bisection with runs along R3. Parameters that are zero are set to the unfavourable end of
-        their range in the spread `standard`. None if the valve has no spool.
+        The additional dead time is found by bisection with runs along R3. Parameters that are zero are set to the
+        unfavourable end of their range in the spread `standard`. None if the valve has no spool.
     """
     ranges = read_mismatch("standard")[0].ranges
     law, valve = tuning.law, tuning.plant.valves[0]
@@ -391,18 +391,18 @@ def run(
     drive : Drive or Circuit
         Drive to simulate.
     law : str or object, optional
-        A name in `pneudrive.control.laws`; the default is ``"nmpc"``. Its gains follow from the drive. Or a custom law:
-        a class, or an object of a class, with ``inputs``, a list of names in `pneudrive.control.signals`, and
-        ``step(t, sample, preview)``, which returns the command. If it has ``start(model, period)``, this is called
-        before a run. ``"mine.py:Law"`` names such a class.
+        A name in `pneudrive.control.laws`, by default ``"nmpc"``; the gains of this law follow from the drive. A custom
+        law is a class, or an object of a class, with ``inputs``, a list of names in `pneudrive.control.signals`, and
+        ``step(t, sample, preview)``, which returns the command. If the law has ``start(model, period)``, this method is
+        called before a run. ``"mine.py:Law"`` names such a class.
     reference : Reference, str or path-like
         See `pneudrive.control.reference`; or the name of a standard one, ``"R1"`` to ``"R6"``.
     setup : Setup, str or path-like, optional
-        Sensors, converter and computer: ``"ideal"``, ``"real"``, ``"cheap"``, or a TOML file. Default: that of the
-        controller, otherwise ``"real"``.
+        Sensors, converter and computer: ``"ideal"``, ``"real"``, ``"cheap"``, or a TOML file. Default: the setup of
+        the controller, otherwise ``"real"``.
     duration : str or float, optional
-        ``"12 s"``, or a number of seconds. Default: the longer of 16 s and four periods of a sine, otherwise until 2 s
-        after the last move.
+        ``"12 s"``, or a number of seconds. Default for a sine: the longer of 16 s and four periods. Default for
+        moves: until 2 s after the last move.
     seed : int
         Seed of all noise. Runs with the same seed have bit-identical results, except for step times.
     controller : Controller, Tuning, str or path-like, optional

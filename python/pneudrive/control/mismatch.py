@@ -206,7 +206,7 @@ def mismatched(
     Raises
     ------
     DescriptionError
-        The drive lacks the component or sensor that a deviation concerns.
+        The drive does not have the component or sensor that a deviation changes.
     """
     form = json.loads(core_json)
     named = {one["name"]: one for one in form["components"]}
@@ -313,7 +313,7 @@ def read_mismatch(given: MismatchOrFile) -> tuple[Mismatch, str]:
     Returns
     -------
     Mismatch, str
-        The mismatch and its name, which is that in the package, that of the file, or ``"own"`` for a given object.
+        The mismatch and its name: the name in the package or of the file, or ``"own"`` for a given object.
 
     Raises
     ------

@@ -199,9 +199,9 @@ class Reach(NamedTuple):
     ----------
     lowest_m, highest_m, fastest_m_s : float
     share : float
-        This speed relative to that of the drive; above `NEVER` if the drive does not move in this direction.
+        Highest speed relative to the speed of the drive; above `NEVER` if the drive does not move in this direction.
     at_s : float
-        Time of this speed.
+        Time of the highest relative speed.
     """
 
     lowest_m: float

@@ -149,7 +149,7 @@ def own_law(given: object, *, allow_code: str | None = None, found_in: str = "")
 
 
 def _inputs(name: str, law: object) -> list[str]:
-    """Return the names of the signals that a law asks for.
+    """Return the names of the signals that a law requests.
 
     Raises
     ------

@@ -50,7 +50,8 @@ class Score(Viewed):
     rest_error_m : float or None
         Mean absolute error in the last 0.2 s before the next move; the largest of all moves.
     hunting_m : float or None
-        Largest peak-to-peak position in the last 0.6 s before the next move; in a long rest, from its tenth second on.
+        Largest peak-to-peak position in the last 0.6 s before the next move. In a rest longer than 10.6 s, the span
+        begins 10 s after the end of the move.
     slips : int or None
         Number of times that the speed rose above 1 mm/s in the spans of `hunting_m`.
     overshoot_m : float or None
@@ -69,7 +70,7 @@ class Score(Viewed):
     step_median_s, step_999_s, step_worst_s : float
         Computing time of a step of the law on this machine: median, 99.9 %, worst. It differs from run to run.
     step_undisturbed_s : float
-        Longest step, if each step counts with its shortest time in repeated runs. `step_worst_s` without repeats.
+        Longest step, after the shortest time of each step in repeated runs is taken. Without repeats: `step_worst_s`.
     lost : bool
         Whether the error exceeded 20 mm.
     """

@@ -108,7 +108,7 @@ class ControlComputer(Described):
 
 
 class LimitSwitches(Described):
-    """Limit switches. Beyond them, only commands that lead away are allowed."""
+    """Limit switches. Beyond a switch, only commands that move the piston back are allowed."""
 
     table_name = "switches"
     low_m: marks.Position
@@ -273,7 +273,7 @@ def read_setup(given: SetupOrFile) -> tuple[Setup, str]:
     Returns
     -------
     Setup, str
-        The setup and its name, which is that in the package, that of the file, or ``"own"`` for a given object.
+        The setup and its name: the name in the package or of the file, or ``"own"`` for a given object.
 
     Raises
     ------

@@ -56,7 +56,7 @@ def export(
         Folder, which is made if it does not exist; for an FMU, a file ending in ``.fmu``.
     setup : Setup, str or path-like, optional
         The position sensor decides the gain of the observer. Without pressure sensors, the code has no inputs for them.
-        Default: that of the tuning.
+        Default: the setup of the tuning.
     along : Reference, str or path-like, optional
         Reference of an FMU of ``nmpc``, as for `pneudrive.control.run`. Other controllers get the reference as inputs.
     version : str

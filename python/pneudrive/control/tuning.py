@@ -42,7 +42,7 @@ PERIOD_S, BAND_M, AFTER_S = 1e-3, 30e-6, 20e-3
 
 
 class HoldBand(Described):
-    """Band for holding. Once the reference rests and the error stays in the band, the pressure force is kept."""
+    """Band for holding. Once the reference rests and the error stays in the band, the pressure force stays constant."""
 
     table_name = "hold"
     band_m: Annotated[float, Quantity("m", "um", Bounds(above=0.0))] = Field(
@@ -211,12 +211,12 @@ class Plant(Shown):
     natural_frequency_rad_s : float
         Natural frequency of the moving mass on the air springs of both shut chambers.
     damping_ratio : float
-        From viscous friction.
+        Damping ratio of this oscillation, from viscous friction.
     speed_m_s : float
         Steady speed at full opening with choked exhaust.
     force_rate_n_s : float
-        Rate of the force of the filling chamber at full opening, ``k p A^2/V`` times the speed, with the pressure of
-        the supply, and mean area and volume of the chambers. The emptying chamber adds about half of this rate.
+        Rate of the force of the filling chamber at full opening: ``k p A^2/V`` times the speed. p is the pressure of
+        the supply, A and V are mean area and volume of the chambers. The emptying chamber adds about half of this rate.
     lag_s : float
         Delay of a command: dead time of the valve, lag of its spool, and half a period.
     coulomb_n : float
@@ -392,7 +392,7 @@ class Tuning(Viewed):
     def save(self, path: str | Path) -> Path:
         """Write a controller file. Paths in the file are relative to its folder.
 
-        If `believes` or `setup` was an object, add the name of its file to the output as ``drive`` or ``setup``.
+        The file does not name a drive or a setup that was given as an object. Add its file as ``drive`` or ``setup``.
 
         Raises
         ------
@@ -473,10 +473,11 @@ def tune(
         four 2/2 switching valves, or one 5/3 switching valve.
         None: the drive in the controller file.
     law : str or object, optional
-        A name in `laws`; the default is that of the controller, or ``"nmpc"``. Custom: see `pneudrive.control.run`.
+        A name in `laws`. Default: the law of the controller, otherwise ``"nmpc"``. For custom laws, see
+        `pneudrive.control.run`.
     setup : Setup, str or path-like, optional
-        Sensors, converter and computer; default: that of the controller file, otherwise ``"real"``. They affect the
-        stated limits of the controller, not the gains.
+        Sensors, converter and computer. Default: the setup of the controller file, otherwise ``"real"``. The setup
+        affects the stated limits of the controller, not the gains.
     controller : Controller, str or path-like, optional
         A controller, or its TOML file: period, gains that are given and not tuned, holding, and the drive that the law
         assumes.
@@ -587,7 +588,7 @@ def _tuned(table: Controller, word: str, belief: Circuit) -> Tuning:
 def _numbers_of(
     table: str, whose: str, values: Plain, ruled: list[_Ruled], check: Callable[[NamedNumbers], object]
 ) -> tuple[TunedGain, ...]:
-    """Read the numbers of a table of a controller file; missing ones keep the core's default."""
+    """Read the numbers of a table of a controller file; missing numbers get the default of the core."""
     known = {key: gain_quantity(unit) for key, unit, *_ in ruled}
     given: NamedNumbers = {}
     for key, value in values.items():
@@ -606,7 +607,7 @@ def _numbers_of(
 
 
 def _named(key: str, source: str, folder: Path, load: Callable[[str], _Read]) -> tuple[_Read, str]:
-    """Load a drive or setup that a controller file names relative to its folder. Return it, and its path from here."""
+    """Load a drive or setup that a controller file names relative to its folder. Return it and the path read."""
     path = source if _is_name(source) else str(folder / source)
     try:
         return load(path), path

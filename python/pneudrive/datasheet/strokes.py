@@ -219,7 +219,7 @@ def _samples(columns: Keyed, begin_s: float, end_s: float) -> Columns:
     keep = (time >= begin_s) & (time <= end_s)
     if keep.sum() < 3:
         what = f"a stroke from {begin_s:g} s to {end_s:g} s has {keep.sum()} samples"
-        raise CommandError(what, rule="at least 3", remedy="Sample more often.")
+        raise CommandError(what, rule="a stroke needs at least 3 samples", remedy="Sample more often.")
     part = rows_of(every, keep)
     k = int(np.argmax(keep))
     if k == 0 or time[k] - begin_s <= SAME_TIME * (time[k] - time[k - 1]):

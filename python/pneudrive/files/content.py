@@ -175,7 +175,7 @@ def parse_json(text: str, where: str, kind: ErrorKind) -> Any:  # noqa: ANN401 -
 def check_nesting(text: str, where: str, kind: ErrorKind, tokens: re.Pattern[str] = _TOKENS) -> None:
     """Check the nesting of brackets and dotted keys of a text, TOML by default, before the text is parsed.
 
-    The depth at each nesting character counts open brackets and parts of the key.
+    The depth is the number of open brackets plus the number of parts of the dotted key.
 
     Raises
     ------

@@ -203,7 +203,8 @@ def open_table(path: Path, form: str, kind: ErrorKind = RecordingError) -> Table
 def read_alike(paths: Sequence[Path], wanted: Sequence[str]) -> list[Columns] | None:
     """Read columns of many Parquet files by one query, because a query takes longer than reading a small file.
 
-    Return None if a file lacks a column or a value. A missing value would turn the integers of all files into floats.
+    Return None if a column or a value is missing in a file. A missing value would turn the integers of all files into
+    floats.
     """
     import polars as pl
 
@@ -245,7 +246,7 @@ def read_texts(paths: Iterable[Path], key: str, kind: ErrorKind) -> Iterator[Tex
 
 
 def read_columns(paths: Iterable[Path], wanted: Sequence[str], kind: ErrorKind) -> Iterator[Columns | PneudriveError]:
-    """Read columns of many Parquet files. Columns that a file lacks are left out. See `read_texts`."""
+    """Read columns of many Parquet files. Columns that are missing in a file are left out. See `read_texts`."""
 
     def columns(path: Path) -> Columns:
         table = open_table(path, "parquet", kind)

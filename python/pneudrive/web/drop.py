@@ -1,4 +1,4 @@
-"""Copying of files into the workspace, and renaming: completely or not at all, never over an existing file."""
+"""Copy files into the workspace, and rename them. No file is left incomplete, and no existing file is replaced."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ def rename(workspace: Workspace, path: str, to: str) -> None:
     """
     place, target = workspace.path(path), workspace.path(to)
     if place.suffix.lower() != target.suffix.lower():
-        raise CommandError(f"{to} has another file extension", rule=place.suffix)
+        raise CommandError(f"{to} has another file extension", rule=f"the extension must stay {place.suffix}")
     if not place.is_file():
         raise CommandError(f"there is no file {path}")
     if not target.parent.is_dir():

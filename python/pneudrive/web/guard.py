@@ -211,7 +211,7 @@ TYPES = {
 
 
 class Site:
-    """ASGI application of the files of the page, and of the routes as soon as their modules are imported.
+    """ASGI application that serves the files of the page, and passes other requests to the routes.
 
     Parameters
     ----------

@@ -190,7 +190,7 @@ class PageJobs:
 
 
 def cancelled_job(workspace: Workspace, number: object = None) -> Plain:
-    """Cancel a job, like Ctrl-C. Finished parts are kept."""
+    """Cancel a job, like Ctrl-C. The finished parts of its result remain in the folder."""
     for job in workspace.state(PageJobs).all:
         if job.number == number and job.state == "running":
             job.cancelled = True

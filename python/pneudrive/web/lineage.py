@@ -140,7 +140,7 @@ class Lineage:
         return self._read(_identified, path) or described_at(self.workspace, path)
 
     def drive_of(self, path: str) -> tuple[str, Drive | None]:
-        """Return file and content of a result's drive; "" and None if the file is missing or has changed."""
+        """Return the drive file of a result and its drive; "" and None if the file is missing or has changed."""
         place = next((edge.path for edge in self.edges(path) if edge.kind == "drive" and edge.state == SAME), "")
         described = self._described(place) if place else None
         return place, described if isinstance(described, Drive) else None
@@ -206,7 +206,7 @@ class Lineage:
 
 
 def _law(fit: FrictionFit) -> str:
-    """Return the value of ``--laws`` that repeats this fit; empty if it cannot express all options of the fit."""
+    """Return the value of ``--laws`` that repeats a fit; empty if the command line cannot repeat the fit."""
     plain = fit.provenance["direction"] == "both" and fit.provenance.get("robust", True)
     plain &= fit.provenance["exclude_flags"] in ([], list(NOT_SLIDING))
     plain &= fit.model.law == fit.law
@@ -300,7 +300,7 @@ def shown_lineage(workspace: Workspace, path: str) -> Plain:
 
 
 def stale_results(workspace: Workspace) -> Plain:
-    """Return the results whose inputs have changed, with their names, and the number of unchecked results."""
+    """Return the results with changed inputs and the names of these inputs, and the number of unchecked results."""
     lineage = Lineage(workspace)
     stale = {path: why for path in lineage.results[:MOST_CHECKED] if (why := lineage.why_stale(path))}
     return {"stale": stale, "unchecked": max(len(lineage.results) - MOST_CHECKED, 0)}

@@ -147,7 +147,7 @@ class PageRequest(BaseModel):
         Raises
         ------
         CommandError
-            A part is missing or of another type.
+            A field of the request is missing or has the wrong type.
         """
         try:
             return cls.model_validate(given)

@@ -54,7 +54,7 @@ VERDICTS: dict[State, str] = {"good": "in order", "open": "open", "bad": "needs 
 
 
 def headlines(workspace: Workspace) -> Plain:
-    """Return a line for each of the newest files, by their names. Other files have an empty line or none."""
+    """Return a summary line for each of the newest files, by name. Kinds of files without a summary are left out."""
     out = {}
     for file in sorted(workspace.files(), key=lambda file: -file.changed)[:MOST_FILES]:
         with suppress(PneudriveError, *OF_DAMAGE):  # the view of the file says why
@@ -65,7 +65,7 @@ def headlines(workspace: Workspace) -> Plain:
 
 
 def _line(workspace: Workspace, path: str, kind: str) -> str | None:
-    """Return the line of a file or folder of a kind; None for a kind without a line."""
+    """Return the summary line of a file or folder; None for a kind without a summary."""
     match kind:
         case "drive" | "circuit":
             found = described_at(workspace, path)

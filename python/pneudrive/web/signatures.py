@@ -55,8 +55,8 @@ class CommandInput:
     label : str
     kind : str
         ``"drive"`` (a drive or a circuit), ``"model"`` (a drive, or the fit of one), ``"map"``, ``"fit"``, ``"task"``,
-        ``"recordings"``, ``"choice"``, ``"text"``, ``"number"`` (a whole one), ``"flag"``, ``"keys"``
-        (of values, between commas), ``"name"`` (of the result) or ``"out"`` (a new TOML file).
+        ``"recordings"``, ``"choice"``, ``"text"``, ``"number"`` (an integer), ``"flag"``, ``"keys"``
+        (keys of values, separated by commas), ``"name"`` (of the result) or ``"out"`` (a new TOML file).
     option : str
         Parameter of the command; empty if it equals the key.
     start : object
@@ -66,7 +66,7 @@ class CommandInput:
     most : int
         Upper bound of a number, whose lower bound is 1.
     hint, suffix : str
-        Example in an empty field, and ending of a name.
+        Example in an empty field, and extension of a file name.
     only : tuple of str
         Key and value of a choice. The input applies only if the choice has this value.
     """
@@ -133,7 +133,7 @@ def _check_recordings(given: list[Any], workspace: Workspace, hint: str) -> None
 
 
 def _check_channels(name: str, workspace: Workspace, hint: str) -> None:
-    """Reject a recording that lacks needed channels, or has neither a layout nor the column names of pneudrive."""
+    """Reject a recording without the needed channels, or with neither a layout nor the column names of pneudrive."""
     path = workspace.path(name, TABLES)
     if not path.is_file():
         raise CommandError(f"there is no recording {name}")
@@ -176,7 +176,7 @@ def _job_of(kind: str, given: Keyed, workspace: Workspace, folder: str = "") -> 
 
 
 def _python(kind: str, values: Keyed) -> Plain:
-    """Return the names for the Python lines of a command, which give the same numbers; empty options are left out."""
+    """Return the values for the placeholders in the Python lines of a command. Empty options are left out."""
     found: Plain = {}
     match kind:
         case "fit":

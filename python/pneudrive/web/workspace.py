@@ -103,7 +103,9 @@ class Workspace:
         """
         place = self.folder(name)
         if not name.lower().endswith(suffixes):
-            raise CommandError(f"{name} cannot be opened: the page does not know this extension", rule=", ".join(suffixes))
+            raise CommandError(
+                f"{name} cannot be opened: the page does not know this extension", rule=", ".join(suffixes)
+            )
         return place
 
     def folder(self, name: str) -> Path:

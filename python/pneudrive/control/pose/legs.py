@@ -180,7 +180,7 @@ def _within(
 
 
 def leg_reference(needs: Demands, leg: int, text: str) -> tuple[Reference, Plain]:
-    """Return the reference of a leg (polynomials of degree 7 between knots), and the preview in the core's form."""
+    """Return the reference of a leg, with polynomials of degree 7 between knots, and its preview for the core."""
     h = float(needs.times_s[1] - needs.times_s[0])
     own = needs.legs
     ends = np.stack([own.positions_m, own.velocities_m_s, own.accelerations_m_s2, needs.jerks_m_s3])[:, :, leg]
@@ -313,11 +313,11 @@ def run_pose(
     progress: Progress | None = None,
     cancel: Flag | None = None,
 ) -> xr.Dataset:
-    """Simulate a platform under control along a path of its pose. Controllers and platform share the core's equations.
+    """Simulate a platform under control along a path of its pose. Controllers and platform use the same equations.
 
     Each leg has a controller. It receives position, velocity, acceleration and jerk of the leg from the path. It
     receives moving mass, load and rate of the load from the inverse dynamics of the described platform. The controllers
-    of ``"inversion"`` share the inertia of the platform: together they control its pose.
+    of ``"inversion"`` use the inertia that couples the legs, so that together they control the pose of the platform.
 
     Parameters
     ----------
@@ -330,14 +330,15 @@ def run_pose(
     setup, duration, controller, progress, cancel : optional
         See `pneudrive.control.run`.
     seed : int
-        Seed of all noise, and of the draws of a mismatch with ranges.
+        Seed of all noise, and of the random values of a mismatch with ranges.
     payload : str or sequence of str, optional
         Mass at ``payload_at`` of the platform, such as ``"2 kg"``. No controller knows this mass. The platform is run
         with each of several payloads. The dataset is that of the first payload, and the score contains the spread.
     mismatch : Mismatch, str or path-like, optional
         Deviation of each leg from its description. Each leg gets its own random value from each range.
     dynamics : str
-        ``"full"``, or ``"constant"``: then the controllers use mass and load of each leg at the start of the path.
+        ``"full"``, or ``"constant"``. With ``"constant"``, the controllers use mass and load of each leg at the start
+        of the path.
 
     Returns
     -------

@@ -58,7 +58,7 @@ class ExtrasRequest(RunRequest):
     spreads : dict
         Key of a value -> text with both ends of its range. The members are spaced evenly over this range.
     loops, motion, energy : bool
-        Whether to return p-V loops, the data for an animation of the cylinders, and the balance of energy.
+        Whether to return p-V loops, the data for an animation of the cylinders, and the energy balance.
     """
 
     others: Annotated[tuple[StrictStr, ...], Field(max_length=MOST_OTHERS)] = ()
@@ -238,7 +238,7 @@ def copied(workspace: Workspace, request: ExtrasRequest, columns: tuple[str, ...
 
 
 def _ends(key: object, given: object) -> tuple[str, str]:
-    """Read the ends of a spread: two numbers and their unit."""
+    """Read a spread of two numbers and a unit, and return both ends as texts."""
     if not isinstance(key, str) or not _KEY.fullmatch(key) or not isinstance(given, list) or len(given) != 3:
         raise wrong_request()
     low, high, unit = given
@@ -246,7 +246,9 @@ def _ends(key: object, given: object) -> tuple[str, str]:
     if not are_finite or not isinstance(unit, str) or not _UNIT.fullmatch(unit):
         raise CommandError(f"the spread of {key} must be two numbers", remedy="Give two numbers.")
     if not low < high:
-        raise CommandError(f"the spread of {key} is empty", value=f"{low:g} to {high:g}", rule="low < high")
+        raise CommandError(
+            f"the spread of {key} is empty", value=f"{low:g} to {high:g}", rule="the first end must be below the second"
+        )
     return f"{low!r} {unit}".strip(), f"{high!r} {unit}".strip()
 
 
@@ -367,7 +369,7 @@ _REACHED: dict[str, list[tuple[float, float, float]]] = {}
 
 
 def _reach(own: Platform) -> list[tuple[float, float, float]]:
-    """Return the outermost points (m) of a workspace; cached, because most sliders do not change the mechanism."""
+    """Return the outermost points (m) that a platform reaches. Cached: most sliders do not change the mechanism."""
     key = repr((own.core.joints, own.legs, own.home.tolist()))
     if key not in _REACHED:
         if len(_REACHED) >= MOST_REACHED:

@@ -56,7 +56,7 @@ class ControlRequest(PageRequest):
         As for `pneudrive.control.run`. Files are in the workspace. An empty `mismatch` means no mismatch.
     seed : int
     duration : str
-        Duration of the run; empty: that of the reference.
+        Duration of the run; empty: the default duration of the reference.
     pixels : int
         Width of the drawing.
     """
@@ -343,7 +343,7 @@ def requested_comparison(
     Raises
     ------
     PneudriveError
-        A part is missing, outside the workspace or not valid, or the folder does not match the request.
+        An input is missing, not valid or outside the workspace, or the folder does not match the request.
     """
     if resume is not None:
         asked = read_comparison(workspace.folder(resume)).about.get("asked")

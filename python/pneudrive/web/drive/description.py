@@ -100,7 +100,7 @@ def fields_of(described: Described) -> Plain:
 
 
 def _owner(key: str, places: Sequence[tuple[str, str]]) -> str:
-    """Return the component of a key in the drawing; empty without a component."""
+    """Return the component in the drawing to which a key belongs; empty if there is none."""
     return next((at.split(".")[1] for at, own in places if key == own or key.startswith(f"{own}.")), "")
 
 
@@ -172,7 +172,7 @@ def with_part(text: str, table: str, part: str) -> Plain:
         The part does not exist, or the text is not TOML.
     """
     if part not in entries():
-        raise CommandError(f"the catalogue has no part {part[:80]!r}", remedy="Choose one of the menu.")
+        raise CommandError(f"the catalogue has no part {part[:80]!r}", remedy="Choose a part from the menu.")
     is_circuit = table.startswith("components.")
     for one in entries()[part].values:
         if one.key == "stroke" and one.source is None:
@@ -239,7 +239,7 @@ def edited(text: str, key: str, value: str | float) -> str:
 
 
 def _written_as(document: tomlkit.TOMLDocument, key: str) -> list[str]:
-    """Return the parts of a key in the form of a text: in a table of copies, or in a table of a drive."""
+    """Return the parts of a key as the text writes it, such as in the table of a component with `copies`."""
     names = key.split(".")
     if names[0] != "components" or len(names) < 3:
         return names

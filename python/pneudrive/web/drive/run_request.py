@@ -54,7 +54,7 @@ Changes = Annotated[dict[str, Value], AfterValidator(check_changes)]
 
 
 class RunLimit:
-    """Cancel flag of a run, set by the reader of its result or by the clock."""
+    """Cancel flag of a run. The reader of the result may set it, and the time limit sets it."""
 
     def __init__(self, seconds: float = MOST_SECONDS) -> None:
         self.cancelled = False

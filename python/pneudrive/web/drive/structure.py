@@ -57,7 +57,7 @@ def restructured(
     CommandError
         The request is not valid, or the description is not a circuit.
     DescriptionError
-        The text that the change begins with is not valid.
+        The text before the change is not valid.
     """
     described = described_at(workspace, path, text)
     if act == "open":
@@ -118,7 +118,7 @@ class CircuitText:
         return found
 
     def add(self, kind: str, at: str) -> str:
-        """Add a component at a port and return its name. With two ports, it is inserted into the line of the port."""
+        """Add a component at a port and return its name. A component with two ports may be inserted into its line."""
         if kind not in STARTERS:
             raise CommandError(f"{kind[:80]!r} cannot be added here", rule=", ".join(STARTERS))
         port = self._port(at)

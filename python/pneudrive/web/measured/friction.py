@@ -220,7 +220,7 @@ def _points(table: xr.Dataset, rows: Ints) -> list[Plain]:
 
 
 def behind_fit(workspace: Workspace, path: str) -> Plain:
-    """Return the details of a fit as a view with figures: confidence ellipses, and with the map residuals and profiles.
+    """Return details of a fit as a view with figures: confidence ellipses, and residuals and profiles if it has a map.
 
     Raises
     ------

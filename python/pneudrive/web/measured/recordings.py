@@ -81,7 +81,7 @@ class OpenRecording:
     def samples(self, names: Sequence[str], rows: tuple[int, int]) -> tuple[Array, Columns]:
         """Return times in s between two rows, and values of columns, with NaN for missing numbers.
 
-        Columns are read in parts. The parts of the last views are kept.
+        Columns are read in parts. The parts of the last views are cached.
         """
         first = rows[0] // PART
         parts = range(first, max(-(-rows[1] // PART), first + 1))
@@ -219,7 +219,10 @@ class ViewRequest(PageRequest):
             The times do not increase, or the drawing is too wide.
         """
         if not (self.start < self.end and 1 <= self.pixels <= MOST_PIXELS):
-            raise CommandError("the view is out of bounds", rule=f"from < to, 1 to {MOST_PIXELS} pixels")
+            raise CommandError(
+                "the view is out of bounds",
+                rule=f"the start must be before the end, and the width 1 to {MOST_PIXELS} pixels",
+            )
         return self.start, self.end
 
     def columns_in(self, recording: OpenRecording) -> list[str]:
@@ -389,7 +392,7 @@ def measured(
 
 
 def by_stem(files: Iterable[Listed]) -> dict[str, list[str]]:
-    """Return the recordings by their names without folder and suffix, to which results may refer."""
+    """Return the recordings by name without folder and suffix, because results may refer to this short name."""
     out: dict[str, list[str]] = {}
     for one in files:
         if one.kind == "recording":
@@ -471,7 +474,7 @@ def _key(path: Path) -> str:
 
 
 def _opened(path: Path, layout: Layout | None, key: str, watch: Watch) -> OpenRecording:
-    """Open a recording. Conversion of a file that is not Parquet, and its blocks, are cached."""
+    """Open a recording. Blocks, and the Parquet copy of a file in another format, are cached."""
     cache = cache_folder() / key.partition("-")[0]
     cache.mkdir(mode=0o700, parents=True, exist_ok=True)
     os.utime(cache)  # `forget_unused` reads this time
@@ -484,7 +487,7 @@ def _opened(path: Path, layout: Layout | None, key: str, watch: Watch) -> OpenRe
 
 
 def _blocks(path: Path, file: ChannelFile, cache: Path, watch: Watch) -> Pyramid:
-    """Return the blocks of a recording. They are cached for each way of reading."""
+    """Return the blocks of a recording. They are cached for each selection of time and channels."""
     how = (file.table.path.name, file.first, file.time, file.channels)
     place = cache / hashlib.sha256(repr(how).encode()).hexdigest()[:16]
     pyramid = Pyramid.open(place)

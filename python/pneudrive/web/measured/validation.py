@@ -86,9 +86,9 @@ def _read(workspace: Workspace, name: str) -> Plain:
 
 
 def _suspects(drive: Drive | None, diagnosis: Keyed) -> list[Plain]:
-    """Return fields for values that causes name but the file does not contain.
+    """Return form fields for the values that the diagnosed causes name, but that the drive file does not contain.
 
-    Such values are derived from others.
+    Such values are derived from other values of the file.
     """
     if drive is None:
         return []
