@@ -78,9 +78,9 @@ def _differences(results: Sequence[RecordingResult]) -> list[str]:
     """Return a note on the two recordings of one assembly that differ most in friction.
 
     Recordings with several speeds are compared. If there are three or more, only those at equal pressures are compared,
-    because pressure changes friction. The uncertainty of the difference is that of all comparisons together.
+    because pressure changes friction. The 95 % limit of the difference holds for all comparisons together.
 
-    Common error sources are fully correlated between both levels of a comparison, except clocks of loggers.
+    Errors of a source that both levels have are fully correlated, except those of the clocks of loggers.
     """
     every: list[tuple[float, Row]] = []
     for (first, second), way in product(combinations(results, 2), (1, -1)):

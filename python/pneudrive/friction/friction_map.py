@@ -71,7 +71,7 @@ def write_map(friction_map: xr.Dataset, path: str | Path) -> Path:
     Raises
     ------
     CommandError
-        If the suffix is unknown, or the folder cannot be written.
+        The suffix is unknown, or the folder cannot be written.
     """
     import polars as pl
 

@@ -317,7 +317,7 @@ def extract(recording: Recording, choice: SampleChoice) -> RecordingResult:
     Raises
     ------
     RecordingError
-        Without motion, with too few samples, or without a stroke with settled samples in the window.
+        The recording has no motion, too few samples, or no stroke with settled samples in the window.
     """
     recording = clean(recording)
     delay = pressure_delay(recording)
@@ -392,7 +392,7 @@ def _result(
     Raises
     ------
     RecordingError
-        If no speed class has settled samples in the window.
+        No speed class has settled samples in the window.
     """
     levels, used, apart, low_m, high_m = list[Level](), set[int](), set[int](), *window
     for table in tables:

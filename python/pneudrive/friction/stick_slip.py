@@ -214,7 +214,7 @@ def find_stick_slip(time_s: Array, position_m: Array) -> list[StickSlip]:
     Raises
     ------
     RecordingError
-        With fewer than 20 samples, or without motion.
+        There are fewer than 20 samples, or there is no motion.
     """
     time_s, position_m = np.asarray(time_s, dtype=float), np.asarray(position_m, dtype=float)
     if time_s.shape != position_m.shape or time_s.ndim != 1:

@@ -276,7 +276,7 @@ def stroke_grid(
     window: Interval,
     bins: int | None = None,
 ) -> Grid:
-    """Divide the travel of strokes into bins: `bins` in the window, or about four samples per bin."""
+    """Divide the travel of strokes into bins. The window has `bins` of them or, if None, about four samples per bin."""
     low, high = window
     inside = [int(((x >= low) & (x <= high)).sum()) for x in (position_m[s.samples] for s in strokes)]
     ends = [value for s in strokes for value in (s.from_m, s.to_m)]
@@ -399,7 +399,7 @@ class RecordedMotion:
         Raises
         ------
         RecordingError
-            Without motion, with too few samples, or with impossible values.
+            The recording has no motion, too few samples, or impossible values.
         """
         strokes = find_strokes(recording.name, recording.time_s, recording.position_m)
         refuse_channels(recording, strokes)

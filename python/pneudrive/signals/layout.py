@@ -152,7 +152,7 @@ class TimeColumn(Column):
         if self.column is not None and self.unit is None:
             raise wrong("unit", "unit is missing", remedy='time = { column = 0, unit = "s" }')
         if "date_format" in self.model_fields_set and self.date is None:
-            raise wrong("date_format", f"date_format = {self.date_format!r}", rule="a date needs a column: date = 0")
+            raise wrong("date_format", f"date_format = {self.date_format!r}", rule="it needs a date column: date = 0")
         return self
 
 
