@@ -110,7 +110,7 @@ def test_recordings_of_one_machine_that_differ_are_reported(found, recorded):
 
 
 TRADED = (("UpperSpring", "other"), ("LowerSpring", "UpperSpring"), ("other", "LowerSpring"))
-NO_RAM = "a force in parallel that the layout lacks"
+NO_RAM = "a parallel force that the layout does not describe"
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""Result of any fit, and its file: values with intervals and covariance, undetermined values, sources."""
+"""Result of a fit of any kind, and its file: values with intervals and covariance, undetermined values, sources."""
 
 from __future__ import annotations
 
@@ -401,7 +401,7 @@ class Fit(Viewed):
         gauge_b_pa: float | None = None,
         speeds_m_s: Interval | None = None,
     ) -> SlidingCurve:
-        """Return the sliding friction to export; default: at the middle of the measured pressures, over all speeds.
+        """Return the sliding friction to export; default: middle of the measured pressures, range of measured speeds.
 
         Raises
         ------
@@ -681,9 +681,9 @@ class Fit(Viewed):
         )
 
     def _residual_lines(self) -> list[str]:
-        """Return the lines on residuals."""
+        """Return the notes of the view on the residuals."""
         return []
 
     def _shown(self) -> NamedNumbers:
-        """Return the values of the table."""
+        """Return the values that the view shows."""
         return self.free_values()

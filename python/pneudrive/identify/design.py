@@ -51,19 +51,19 @@ class Compared(Shown):
     pressure : str or None
         Dependence on pressure.
     fit : FrictionFit
-        Fit to all values. If all speeds are within a factor of three, without a viscous part.
+        Fit to all values. It has no viscous part if all speeds are within a factor of three.
     error_n, error : float
         Root mean square of predicted minus measured values of held-out conditions, in N and relative to the friction.
     coverage : float
         Fraction of the held-out values within their prediction interval.
     squares : ndarray, shape (folds,)
-        Mean squared error of each held-out condition, in N^2.
+        Mean squared error of prediction for each held-out condition, in N^2.
     worst : float
-        Largest relative error of a held-out condition's mean.
+        Largest relative error of the predicted mean friction of a held-out condition.
     worst_at : str
         Condition with this error, as text.
 
-    The errors of a law are infinite if the values without one of the conditions do not determine it.
+    The errors of a law are infinite if the remaining values do not determine it when a condition is held out.
     """
 
     name: str
@@ -78,7 +78,7 @@ class Compared(Shown):
 
     @property
     def free(self) -> int:
-        """Number of free parameters, including the knee."""
+        """Number of free parameters, including the knee of a saturating dependence on pressure."""
         return len(self.fit.free) + self.fit.model.chosen
 
     @property
@@ -100,7 +100,8 @@ class LawComparison(Viewed):
         Number of held-out conditions.
     recommended : Compared
         The simplest law whose held-out error is not larger than the smallest by more than one standard error of their
-        difference. If this law does not follow the values, the simplest law that follows them.
+        difference. If only other laws fit all values (`FrictionFit.fits`), the one of these with the smallest
+        held-out error.
     statements : tuple of str
         Sentences on the recommendation and on the error of a straight line in pressure.
     """
@@ -148,7 +149,7 @@ def select_friction_law(
         pressure, if pressure was varied.
     hold_out : str or sequence of str, optional
         Groups held out together: ``pressure``, ``speed``, ``recording``, a column of the map (``seal``, ``day``,
-        ``mounting``), or a label for each row. The default is ``pressure`` if there are three or more, else ``speed``.
+        ``mounting``), or a label for each row. The default is ``pressure`` for three or more pressures, else ``speed``.
         Holding out single values would be too optimistic, because values at the same condition predict them.
     exclude_flags
         As for :func:`fit_friction`.
@@ -211,7 +212,7 @@ def select_friction_law(
 
 
 def _distinct(rows: list[Compared]) -> tuple[list[Compared], list[str]]:
-    """Remove laws that the data cannot distinguish from a simpler compared law; return the others and notes."""
+    """Remove laws that the data cannot distinguish from a simpler compared law. Return the other laws, and notes."""
     asked = {(row.name, row.pressure) for row in rows}
     kept = []
     for row in rows:
@@ -341,9 +342,9 @@ class Prior(Shown):
     ----------
     model : FrictionModel
     draws : ndarray, shape (d, p)
-        Draws of the internal coordinates.
+        Random samples of the internal coordinates.
     known : ndarray, shape (d, p, p)
-        Information on the coordinates from measurements; zero without measurements.
+        Information matrix of the coordinates from earlier measurements; zero without measurements.
     values : int
         Number of measured values.
     """
@@ -379,7 +380,7 @@ class Prior(Shown):
         return cls(fit.model, points, np.broadcast_to(known, (DRAWS, *known.shape)).copy(), values)
 
     def with_separate_slopes(self) -> Prior:
-        """Return the prior with separate slopes for chambers that share one; only the mean of the slopes is known."""
+        """Return the prior with separate slopes instead of one slope for both chambers. Only their mean is known."""
         separate, shared = replace(self.model, chambers=("a", "b")), self.model.names
         source = [shared.index(name if name in shared else f"{name[:-1]}ab") for name in separate.names]
         mean = np.eye(len(shared))[:, source]
@@ -500,9 +501,9 @@ def next_measurements(
     over: Limits | None = None,
     noise_n: float | None = None,
 ) -> Design:
-    """Choose the next points by Fedorov's exchange over a grid of speeds and the pressures of the limits.
+    """Choose the next points to measure by Fedorov's exchange over a grid of speeds and the pressures of the limits.
 
-    The criterion is averaged over the prior, because a design for one value of vs is poor for another value.
+    The criterion is averaged over the prior, because a design for one Stribeck velocity is poor for another.
 
     Parameters
     ----------
@@ -512,14 +513,14 @@ def next_measurements(
     points : int, optional
         Number of points, including repeats. The default, without `seconds`, is twice the number of free parameters.
     seconds : float, optional
-        Time on the rig instead of a number of points. Points are added in the order of their gain per time. All have
-        the same number of repeats, as in a protocol.
+        Time on the rig instead of a number of points. Points are added in the order of their gain per time. All
+        points have the same number of repeats, as in a protocol.
     criterion : str
         ``D`` (all parameters) or ``I`` (the prediction over the range `over`).
     over : Limits, optional
         Range of prediction; by default `limits`.
     noise_n : float, optional
-        Standard deviation of one point; by default that of the fit, including its scatter.
+        Standard deviation of the friction of one point; default: that of the fit, including the scatter of its values.
 
     Returns
     -------
@@ -533,7 +534,9 @@ def next_measurements(
     noise = _noise(source) if noise_n is None else noise_n
     low, high = limits.speed_m_s
     if not 0.0 < low < high:
-        raise FitError("speeds to choose from must be positive and span a range", value=f"{low:g} .. {high:g} m/s")
+        raise FitError(
+            "the lowest speed of the limits must be above 0 and below the highest", value=f"{low:g} .. {high:g} m/s"
+        )
     if criterion not in ("D", "I"):
         raise FitError(f"there is no criterion {criterion!r}", rule="D: all parameters; I: the prediction over a range")
     if points is not None and (points < 1 or seconds is not None):
@@ -587,9 +590,9 @@ def _gradients(prior: Prior, at: sliding.Observations) -> Array:
 
 
 def _half_widths(prior: Prior, matrix: Array, values: int) -> NamedNumbers:
-    """Return half-widths in natural units: the median over the prior samples.
+    """Return the half-width of each parameter's 95 % interval in SI: the median over the prior samples.
 
-    Student's t refers to the number of values after the measurement.
+    `values` is the number of values, for Student's t.
     """
     free = values - len(prior.model.names)
     found = []

@@ -37,7 +37,7 @@ def sentences(topic: str) -> Plain:
 
 
 def number_table(topic: str) -> Plain:
-    """Return a table of the parameters of fits."""
+    """Return a table of tables.toml, such as the units of parameters, by its name."""
     return package_table(__file__, "tables.toml")[topic]
 
 
@@ -153,7 +153,7 @@ class Identified:
     correlations: Mapping[str, NamedNumbers] = field(default_factory=dict)
 
     def origins(self, marks: Mapping[str, Written | None]) -> dict[str, Plain]:
-        """Return the tables of provenance, with the units of `marks`."""
+        """Return the provenance of each value with an interval, in the units of `marks`."""
         out = {}
         for name, interval in self.intervals.items():
             mark = marks.get(name)
@@ -189,12 +189,12 @@ def apply_identified(
     Warns
     -----
     PneudriveWarning
-        A kept value is moved to the limit set by an identified value.
+        A force that was not identified contradicts an identified force, and is set to this force.
 
     Raises
     ------
     FitError
-        The drive does not have a value.
+        The drive has no parameter with the name of an identified value.
     DescriptionError
         A value is not valid for the drive.
     """
@@ -262,7 +262,7 @@ def _off_bounds(found: Identified, known: Mapping[str, Written | None]) -> Ident
 
 
 def _said(found: Identified, name: str, mark: Written | None) -> dict[str, str]:
-    """Return the origin of a value of a line or a circuit in the form stored with the value."""
+    """Return source and interval of a value of a line or a circuit, in the form stored with the value."""
     source = {"source": joined(found.recordings)}
     if name not in found.intervals:
         return source
@@ -271,7 +271,7 @@ def _said(found: Identified, name: str, mark: Written | None) -> dict[str, str]:
 
 
 def _assumed(found: Identified, drive: Drive) -> dict[str, str | float]:
-    """Update the assumed parameters of friction that follow from changed parameters."""
+    """Return new values of the assumed friction parameters that are derived from identified parameters."""
     own = {k.removeprefix("friction."): v for k, v in found.values.items() if k.count(".") == 1}
     changed = {k: v for k, v in own.items() if k in drive.friction.parameters}
     marks = parameter_quantities(drive.friction.entry)
@@ -279,9 +279,9 @@ def _assumed(found: Identified, drive: Drive) -> dict[str, str | float]:
 
 
 def _within_limits(found: Identified, drive: Drive, changed: Keyed) -> Plain:
-    """Set a force outside the fit to the fitted force if the two contradict each other.
+    """Return the change to Coulomb or breakaway force that makes the breakaway force at least the Coulomb force.
 
-    The breakaway force must not be below the Coulomb force.
+    A force that was not fitted is set to the fitted force.
     """
     coulomb, breakaway = "friction.coulomb", "friction.breakaway"
     kept = [name for name in (coulomb, breakaway) if name not in changed]
@@ -299,7 +299,7 @@ def _within_limits(found: Identified, drive: Drive, changed: Keyed) -> Plain:
 
 
 def _way(mark: Written | None) -> tuple[Quantity, str]:
-    """Return unit and suffix of a written value; pressures in SI are absolute."""
+    """Return the quantity of a written value, and the suffix of its unit. Pressures in SI are absolute."""
     if isinstance(mark, StatedPressure):
         return Quantity("Pa", "bar"), " abs"
     return mark or Quantity(""), ""

@@ -57,7 +57,7 @@ class VolumeFit(Fit, kind="volume"):
     Attributes
     ----------
     values : dict
-        Name in the file -> value in SI; pressures are absolute.
+        Name in the tank file -> value in SI; pressures are absolute.
     units : dict
         Name -> SI unit.
     intervals : dict
@@ -158,10 +158,10 @@ def identify_volume(
         mapping of SI columns. The columns are ``time_s``, ``pressure_pa`` absolute, ``command`` (the opening fraction
         of the line), and ``inlet_pressure_pa`` (absolute, between line and tube). The sampling may have any rate.
     free : sequence of str, optional
-        Names in the file: ``line.conductance``, ``line.critical_pressure_ratio``, ``line.pressure``,
-        ``volume.heat_transfer``, ``volume.leakage``, ``volume.value``, ``tube.friction_scale``. Default: conductance,
-        critical pressure ratio, heat transfer, friction of a tube, and the leak if a recording can distinguish it from
-        the line.
+        Names in the tank file: ``line.conductance``, ``line.critical_pressure_ratio``, ``line.pressure``,
+        ``volume.heat_transfer``, ``volume.leakage``, ``volume.value``, ``tube.friction_scale``. Default: all of
+        these except ``line.pressure`` and ``volume.value``, as far as the tank has them, and the leak only if a
+        recording can distinguish it from the line.
     layout : Layout or path, optional
         Layout of files.
     progress, cancel
@@ -211,7 +211,7 @@ def _pressure_ratios(tank: Tank, records: list[VolumeRecording]) -> list[Array]:
 def _free(
     tank: Tank, records: list[VolumeRecording], asked: Sequence[str] | None
 ) -> tuple[list[str], list[Undetermined]]:
-    """Return the names of free values, and of values that are held because no recording can determine them."""
+    """Return the names of free values, and statements on values held because no recording can determine them."""
     form = tank.core_form()
     known = [name for name in NUMBERS if form[name.partition(".")[0]] is not None]
     if asked is not None:
@@ -234,7 +234,7 @@ def _free(
 
 
 class TankFamily(DriveFamily):
-    """Circuits of a tank as a function of the free parameters. All gas starts in the state of the volume."""
+    """Circuits of a tank as a function of the free parameters. Gas of all parts starts in the state of the volume."""
 
     def __init__(self, tank: Tank, names: Sequence[str], longest_s: float) -> None:
         volume, line = tank.volume, tank.line
@@ -384,7 +384,7 @@ def _result(
 def _lost(
     tank: Tank, records: list[VolumeRecording], number: Parameter, value: float, low: float, high: float
 ) -> Undetermined | None:
-    """Return the statement on an undetermined value, with a limit if the recordings give one."""
+    """Return a statement on an undetermined value, with its limit if known; None if the value is determined."""
     name, upper = number.name, number.upper
     is_ratio = name == "line.critical_pressure_ratio"
     if max(value - low, high - value) <= LARGEST_REACH * (1.0 if is_ratio else value):
@@ -460,7 +460,7 @@ class Regulator(Described):
 
     @classmethod
     def is_file(cls, path: str | Path) -> bool:
-        """Whether a path is a TOML file with a table ``[regulator]``."""
+        """Return whether a path is a TOML file with a table ``[regulator]``."""
         return isinstance(toml.tables_in(path).get("regulator"), dict)
 
     @classmethod
@@ -491,9 +491,9 @@ class RegulatorFit(Fit, kind="regulator-fit"):
     undetermined : tuple of str
         Sentences on undetermined values.
     statistics : dict
-        Residuals relative to the range: ``rms`` of the fit, ``predicted`` for each run predicted from the other runs,
-        and ``held`` with gain and offset of the description. ``correlation`` of gain and offset. ``least_dead_time_s``,
-        ``largest_dead_time_s``: dead times that fit within 2 % of the best residual.
+        Rms residuals relative to the range of the pressure: ``rms`` of the fit, ``predicted`` of runs predicted from
+        the other runs, ``held`` with gain and offset of the description. ``correlation`` of gain and offset.
+        ``least_dead_time_s``, ``largest_dead_time_s``: dead times that fit within 2 % of the best residual.
     runs : dict
         Name of a recording -> values from this recording alone.
     details : dict
@@ -534,7 +534,7 @@ REGULATOR_UNITS: dict[str, str] = RegulatorFit.WORDS["older_units"]
 def identify_regulator(
     regulator: Regulator | str | Path, recordings: Sequence[Any], layout: AnyLayout = None
 ) -> RegulatorFit:
-    """Identify lag and gain from the command of a regulator to its outlet pressure.
+    """Identify gain and lag of a regulator from its command and its outlet pressure.
 
     Parameters
     ----------
@@ -617,7 +617,7 @@ def _residual(point: Array, records: Sequence[VolumeRecording], dead_s: float = 
 
 
 def _simulate(point: Array, record: VolumeRecording, dead_s: float) -> Array:
-    """Return the pressure in bar; each sample is an exact step of the lag towards the mean of two set pressures."""
+    """Return the pressure in bar, with exact steps of the lag towards the mean setpoint of neighbouring samples."""
     goal = point[0] * np.interp(record.time_s - dead_s, record.time_s, record.opening) + point[1]
     between, step = 0.5 * (goal[1:] + goal[:-1]), np.diff(record.time_s)
     filling, venting = (1.0 - np.exp(-step / lag) for lag in np.exp(point[2:4]))
@@ -630,7 +630,7 @@ def _simulate(point: Array, record: VolumeRecording, dead_s: float) -> Array:
 
 
 def _intervals(records: Sequence[VolumeRecording], best: OptimizeResult, own: Columns) -> tuple[NamedIntervals, float]:
-    """Return intervals, by blocks of time or by runs, whichever is wider; and the correlation of gain and offset."""
+    """Return the wider intervals, from blocks of time or from runs, and the correlation of gain and offset."""
     inverse = np.linalg.pinv(best.jac.T @ best.jac)
     times = np.concatenate([i * 1e6 + r.time_s for i, r in enumerate(records)])
     edges = np.unique(np.floor(times / BLOCK_S), return_index=True)[1]

@@ -293,7 +293,9 @@ def corrected(
     present = [name for name, column in CHANNELS.items() if column in recording]
     columns, said, channels = dict(recording.columns), [], channels_of(present, sensors).values()
     if delay_s is None or any(channel.free for channel in channels):
-        raise FitError("validate fits no sensor values", remedy="Fit them with identify, and pass the fit to validate.")
+        raise FitError(
+            "validate does not fit sensor values", remedy="Fit them with identify, and pass the fit to validate."
+        )
     for channel in channels:
         if channel.offset != 0.0 or channel.gain != 1.0:
             columns[channel.column] = (columns[channel.column] - channel.offset) / channel.gain

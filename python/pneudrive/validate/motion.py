@@ -396,8 +396,8 @@ def _doubts(recording: Recording, sliding: _Sliding, share: float, *, brakes: bo
     if share < TARGET:
         return ["friction would drive the motion: check the signs of force and position"]
     return [
-        "the residual depends on speed and direction like a force in parallel that the layout lacks, such as that of a "
-        "hydraulic ram: describe it as [[force]]"
+        "the residual depends on speed and direction like a parallel force that the layout does not describe, such as "
+        "that of a hydraulic ram: describe it as [[force]]"
     ]
 
 

@@ -260,7 +260,7 @@ class Validation(Viewed):
         if missed and self.diagnosis().is_clean and not self.diagnosis().culprits:
             left = "tubes, flow controls, valve and supply, " if has_lines else ""
             said.append(
-                f"the cause is not part of the balances ({left}presliding, stops, impacts, the first state), "
+                f"the cause is not part of the balances ({left}presliding, stops, impacts, the initial state), "
                 "or small errors add up in the free run"
             )
         return said

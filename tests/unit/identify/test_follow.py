@@ -150,7 +150,7 @@ def test_open_chambers_determine_nothing(circuit):
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        (lambda r: replace(r, parallel=()), "a force in parallel that the layout lacks"),
+        (lambda r: replace(r, parallel=()), "a parallel force that the layout does not describe"),
         (lambda r: replace(r, force_n=-r.force_n), "the force has the wrong sign"),
         (swap, "pressure_a and pressure_b are swapped"),
         (

@@ -131,8 +131,8 @@ def test_a_law_that_is_a_plainer_one_for_these_values_is_not_listed_twice(make_m
     curves = make_map(np.full(6, 0.01), friction, 0.1, gauge_a=gauge_a, gauge_b=gauge_b)
     found = select_friction_law(curves, hold_out="pressure", pressure=["linear", "quadratic"])
     assert [row.title for row in found.rows] == ["coulomb, linear in pressure"]
-    assert any("coulomb represents stribeck gaussian" in said for said in found.statements)
-    assert any("linear represents quadratic in pressure" in said for said in found.statements)
+    assert any("coulomb is listed instead of stribeck gaussian" in said for said in found.statements)
+    assert any("linear is listed instead of quadratic" in said for said in found.statements)
     assert "coulomb friction from 6 values" in repr(found.rows[0])
 
 
@@ -187,8 +187,8 @@ def test_the_intervals_of_four_values_cover_all_shapes(four):
 def test_a_law_that_contradicts_four_values_is_neither_recommended_nor_calm(four):
     found = select_friction_law(four)
     assert found.recommended.title == "stribeck gaussian"  # as `characterise` fits
-    assert "which coulomb misses by" in found.statements[0]
-    assert "not tested, because the values without one speed" in found.statements[-1]
+    assert "but the residuals of coulomb are" in found.statements[0]
+    assert "not tested, because they are not determined if one speed" in found.statements[-1]
     assert [row[-1] for row in found.view().tables[0].rows if row[0].startswith("stribeck")] == ["–"] * 3
     constant = fit_friction(four, "coulomb")
     assert constant.view().state == "bad"
@@ -223,5 +223,5 @@ def test_a_fit_takes_a_file_or_a_result_with_a_map(four, tmp_path):
     file = write_map(four.assign(further).drop_vars(AMBIENT), tmp_path / "map.parquet")
     exact = fit_friction(four).values
     assert fit_friction(file).values == fit_friction(SimpleNamespace(friction_map=four)).values == exact
-    with pytest.raises(FitError, match="the friction map lacks recording"):
+    with pytest.raises(FitError, match="the friction map has no recording"):
         select_friction_law(3)

@@ -134,7 +134,7 @@ def test_levels_of_speed():
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (lambda m: m.drop_vars("friction_n"), "the friction map lacks friction_n"),
+        (lambda m: m.drop_vars("friction_n"), "the friction map has no friction_n"),
         (lambda m: m.assign(friction_n=m.friction_n * np.nan), "no row of the friction map can be used"),
         (lambda m: m.assign(direction=m.direction * 2), "direction must be +1 or -1"),
         (lambda m: m.assign(stderr_n=-m.stderr_n), "a standard error must not be negative"),

@@ -181,7 +181,7 @@ def test_zeros_that_a_fit_found_are_taken_off(tmp_path, printed):
     assert any(re.search(r"pressure_a offset 0\.0(20|199|201)", note) for note in with_zeros.notes)
     assert not validate(fit.apply(), shown(0)).diagnosis().is_clean
     assert validate(truth, shown(0), sensors={"pressure_a": {"offset": "0.02 bar"}}).diagnosis().is_clean
-    with pytest.raises(FitError, match="fits no sensor values"):
+    with pytest.raises(FitError, match="does not fit sensor values"):
         validate(truth, shown(0), sensors=zeros)
     fit.to_toml(tmp_path / "fit.toml")
     pl.DataFrame(shown(0).columns).write_parquet(tmp_path / "run 0.parquet")

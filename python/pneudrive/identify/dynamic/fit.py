@@ -149,8 +149,8 @@ def identify(
         Names in the drive file: ``friction.coulomb``, ``valve.conductance``, ``cylinder.dead_volume.a``, ... Those of a
         circuit begin with the component: ``valve.frequency``, ``valve.delay``, ``cylinder.friction.coulomb``, ...
     follow : {"motion"}, optional
-        The piston of a circuit follows the recorded position, see `pneudrive.identify_motion`. All other arguments
-        except `layout`, `progress` and `cancel` are ignored.
+        With ``"motion"``, the piston of a circuit follows the recorded position, see `pneudrive.identify_motion`. All
+        other arguments except `layout`, `progress` and `cancel` are ignored.
     sensors : mapping, optional
         Channel -> `Sensor` or its keywords: known noise, offset, gain, lag and resolution.
         ``{"command": {"delay": "free"}}`` (or a time) delays the recorded command.
@@ -271,7 +271,7 @@ def _resolvable(
     described: dict[str, sensing.Channel],
     options: search.Search,
 ) -> list[Parameter]:
-    """Hold the bristle damping if the encoder does not resolve the bristles."""
+    """Hold the bristle damping if the encoder does not resolve the deflection of the bristles."""
     damping = [p for p in parameters if p.name.endswith("friction.bristle_damping")]
     if not damping or "position" not in described:
         return parameters
@@ -298,7 +298,7 @@ def _least_noise(channel: sensing.Channel, rtol: float) -> float:
 
 
 def noise_of(channel: sensing.Channel, record: DriveRecording | VolumeRecording, rtol: float) -> float:
-    """Return the initial standard deviation of a channel: stated, or from sample-to-sample differences."""
+    """Return the standard deviation of a channel's noise at the start: stated, or from sample-to-sample differences."""
     white = sensing.white_noise(record[channel.column]) if channel.noise is None else channel.noise
     return float(np.hypot(white, _least_noise(channel, rtol)))
 
@@ -355,7 +355,7 @@ def solve(
 
 
 def _regrouped(problem: FitProblem, point: Iterate, length_s: float | None) -> Iterate:
-    """Join the short segments of the first phase to longer ones with the same starts."""
+    """Join the short segments of the first phase to longer ones, which keep the start of their first short segment."""
     states = []
     for experiment, state in zip(problem.experiments, point.states, strict=True):
         old = experiment.starts
@@ -508,7 +508,7 @@ def _columns(loop: Any) -> tuple[Array, Array, Array]:  # noqa: ANN401 - a recor
     names = ("time_s", "position_m", "friction_n")
     missing = [c for c in names if c not in loop]
     if missing:
-        raise FitError(f"a loop lacks {', '.join(missing)}", rule="time_s, position_m and friction_n of one length")
+        raise FitError(f"a loop has no {', '.join(missing)}", rule="time_s, position_m and friction_n of one length")
     time, position, friction = (np.asarray(loop[c], dtype=float) for c in names)
     return time, position, friction
 
@@ -525,7 +525,7 @@ def _reversals(time: Array, position: Array, friction: Array, step: float) -> li
 
 
 def _swing(reversal: Array) -> float:
-    """Return the change of friction after a reversal: the median over the last quarter."""
+    """Return the change of friction after a reversal: the median over the last quarter of its samples."""
     return float(np.median(reversal[1, reversal.shape[1] * 3 // 4 :]))
 
 
@@ -547,9 +547,9 @@ def _slope(reversal: Array, step: float) -> Pair | None:
 
 
 def _factor(drive: Drive, slope: float, level: float, speed: float) -> float:
-    """Return the ratio of slope to stiffness for the drive's law.
+    """Return the ratio of the slope at a reversal to the bristle stiffness for the drive's law, from a simulated loop.
 
-    A simulated loop is evaluated like a measured loop.
+    The simulated loop is evaluated like a measured loop.
     """
     factor = 1.0
     for _ in range(ROUNDS):

@@ -1,4 +1,4 @@
-"""Fit problem: recordings in segments, their exact derivatives, start states, sensors, and residuals."""
+"""Fit problem: recordings in segments, derivatives of the outputs, start states, sensors, and residuals."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class Shot:
     by_parameter : ndarray, shape (n, o, p)
         Derivatives with respect to the free values of the drive, in SI; p = 0 without derivatives.
     by_start : ndarray, shape (n, o, s)
-        Derivatives with respect to the start of the sample's segment; s = 0 without derivatives.
+        Derivatives with respect to the start state of the segment with the sample; s = 0 without derivatives.
     ends : ndarray, shape (k, s)
         State at the end of each segment.
     ends_by_parameter, ends_by_start : ndarray, shapes (k, s, p), (k, s, s)
@@ -54,7 +54,7 @@ class Shot:
 
 @dataclass
 class FittedRecording:
-    """Recording in the fit: its segments, their runs, and the measured channels.
+    """Recording in the fit, with its segments and measured channels. It simulates the segments.
 
     Parameters
     ----------
@@ -69,7 +69,7 @@ class FittedRecording:
     rtol : float
     threads : int
     delay_s : float
-        Default delay of the valve after the command, in s.
+        Delay of the valve after the command in s, unless `run` is given another delay.
     watch : Watch
         Can cancel a run.
 
@@ -132,7 +132,7 @@ class FittedRecording:
         by_start : ndarray of int, optional
             Start states with derivatives. Default: all. Derivatives with respect to other states are zero.
         delay_s : float, optional
-            Free delay of the command. Its derivatives come after those with respect to the values.
+            Free delay of the command. Derivatives with respect to the delay follow those with respect to the values.
         outputs : sequence of str, optional
             Columns of the core; default: those of the channels.
 
@@ -146,7 +146,7 @@ class FittedRecording:
             found = self._shoot(core, initial, delay_s, derivatives=derivatives, by_start=by_start, outputs=outputs)
             slopes = self._slopes_by_command(values, initial, delay_s) if derivatives else []
         except ValueError as error:
-            raise FitError(f"the core rejects a drive tried by the search: {error}") from None
+            raise FitError(f"the search tried values that the simulation rejects: {error}") from None
         p = self.family.size + (delay_s is not None) if derivatives else 0
         sensitivities, ends = found["sensitivities"], found["end_sensitivities"]
         if derivatives:
@@ -174,10 +174,10 @@ class FittedRecording:
     def _slopes_by_command(
         self, values: Array, initial: Array, delay_s: float | None
     ) -> list[tuple[int, Array, Array]]:
-        """Return index and central differences (of outputs and ends) for each free number that acts on the command.
+        """Return derivatives with respect to each free number that acts on the command, from central differences.
 
-        Hysteresis and delay of the valve are such numbers. The delay of the recorded command has the index after all
-        paths.
+        Such numbers are hysteresis and delay of the valve, and the delay of the recorded command. A tuple contains the
+        index of the number among the derivatives, and the derivatives of outputs and ends.
         """
         at, steps, out = np.r_[values, self.delay_s if delay_s is None else delay_s], {}, []
         for k, path in enumerate(self.family.paths):
@@ -230,7 +230,7 @@ def delayed(times: Array, commands: Array, delay_s: float) -> ArrayPair:
 
 
 def _spread(derivatives: Array, p: int, columns: Ints, states: int) -> Array:
-    """Expand derivatives with respect to some columns of the starts to all columns."""
+    """Return derivatives with respect to all start states, from those with respect to some; the others are zero."""
     out = np.zeros((*derivatives.shape[:-1], p + states))
     out[..., :p] = derivatives[..., :p]
     out[..., p + columns] = derivatives[..., p:]
@@ -329,7 +329,7 @@ class FitProblem:
             yield from ((i, c, residual[good, c]) for c, good in enumerate(experiment.weight.T > 0.0))
 
     def run(self, point: Iterate, stage: str, *, derivatives: bool = True) -> list[Shot]:
-        """Run all recordings. Derivatives with respect to the starts cover only the states that are carried over.
+        """Run all recordings. In the first phase, derivatives with respect to starts cover only unmeasured states.
 
         Parameters
         ----------
@@ -365,7 +365,7 @@ class FitProblem:
         return Iterate(point.eta, states)
 
     def by_coordinates(self, index: int, shot_by_parameter: Array, eta: Array) -> Array:
-        """Convert derivatives with respect to drive values and delay (last axis) to those in the coordinates."""
+        """Convert derivatives for drive values and delay (last axis) to derivatives for the global coordinates."""
         p = self.drive_size
         jacobian = self.transforms.jacobian(eta)[:p, :p]
         out = np.zeros((*shot_by_parameter.shape[:-1], self.size))
@@ -383,7 +383,7 @@ class FitProblem:
         eta : ndarray, shape (P,)
         outputs : ndarray, shape (n, c)
         derivatives : ndarray, shape (n, c, P + more), optional
-            Derivatives with respect to the global coordinates (zeros for the sensors), then to others.
+            Derivatives with respect to the global coordinates (zeros for the sensors), then to any further variables.
 
         Returns
         -------
@@ -457,7 +457,7 @@ SIZE = np.array([1e-3, 1e-2, 1e4, 10.0, 1e4, 10.0])
 
 
 def measured_starts(experiment: FittedRecording, drive: Drive | Circuit, inner: list[str]) -> Array:
-    """Return starts from smoothed signals, and set the mask of unmeasured states.
+    """Return the starts of the segments from smoothed signals, and set the mask of unmeasured states.
 
     Unmeasured states have the values of a drive at rest.
 

@@ -100,13 +100,13 @@ class DriveFit(Fit, kind="drive"):
         Parameters
         ----------
         recording : str
-            Name of the recording. A recording outside the fit gets common values, and the mean of each offset and
-            delay.
+            Name of the recording. A recording outside the fit gets the common gains and lags, and the mean over the
+            fitted recordings for each offset and delay.
 
         Returns
         -------
         dict
-            Channel -> offset, gain, lag or delay -> SI.
+            Channel -> ``offset``, ``gain``, ``lag`` or ``delay`` -> value in SI.
         """
         lost = {u.parameter for u in self.undetermined}
         found: dict[str, dict[str, list[float]]] = {}
@@ -130,7 +130,7 @@ class DriveFit(Fit, kind="drive"):
         Raises
         ------
         FitError, DescriptionError
-            The drive does not have a value, or the combination of fitted and kept values is not valid.
+            The drive has no parameter with the name of a fitted value, or the values are not valid together.
 
         Warns
         -----
@@ -264,7 +264,7 @@ _TERMS = ("force_n", "friction_n", "end_stop_force_n", "pressure_rate_a_pa_s", "
 
 
 def model_errors(drive: Drive | Circuit, solved: Solved) -> NamedNumbers:
-    """Return the assumed minimum of the model error of each free value that affects sliding, in SI."""
+    """Return the lower limit of the model error of each free value that affects the balances, in SI."""
     if not drive.is_plain:  # the balances of the chambers differ
         return {}
     found = zip(solved.problem.parameters, solved.values.tolist(), strict=False)
@@ -295,7 +295,7 @@ def model_errors(drive: Drive | Circuit, solved: Solved) -> NamedNumbers:
 
 
 def _balances(solved: Solved, index: int, family: DriveFamily, values: Array) -> Along:
-    """Return the balances along the fitted motion of a recording, without noise.
+    """Return the balances along the fitted motion of a recording, which is free of noise.
 
     The balances are those of force in sliding (in N) and of both pressure rates (in Pa/s).
     """
@@ -355,8 +355,8 @@ RESOLVED_SHARE = 0.1
 def _lost(fit: DriveFit, ends: NamedIntervals, sizes: Array, weak: Array) -> list[Undetermined]:
     """Return statements on values that the recordings do not determine.
 
-    A relative width of the interval has no meaning for an offset and similar values of sensors. Such a value is only
-    undetermined if it takes part in an undetermined direction.
+    For an offset and similar values of sensors, the relative width of the interval has no meaning. Such a value is
+    undetermined only if it is part of an undetermined direction.
 
     Parameters
     ----------
@@ -364,7 +364,7 @@ def _lost(fit: DriveFit, ends: NamedIntervals, sizes: Array, weak: Array) -> lis
     ends : dict
         95 % intervals.
     sizes : ndarray, shape (P,)
-        Reference for the width of an interval: the value, or a usual change of a value that may be zero.
+        Reference for the width of each interval: the value, or a typical change if the value may be zero.
     weak : ndarray, shape (w, P)
         Undetermined directions in scaled coordinates.
     """

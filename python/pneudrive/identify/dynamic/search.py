@@ -57,7 +57,7 @@ SHORTEST = 1e-6
 
 
 def reduced(blocks: list[ArrayPair], size: int) -> ArrayPair:
-    """Return information and gradient of the global coordinates, with starts eliminated."""
+    """Return information and gradient of the global coordinates. The start of each recording is eliminated."""
     information, gradient = np.zeros((size, size)), np.zeros(size)
     for n, b in blocks:
         gain = start_solution(n, np.c_[n[size:, :size], b[size:]])
@@ -67,7 +67,7 @@ def reduced(blocks: list[ArrayPair], size: int) -> ArrayPair:
 
 
 def start_solution(information: Array, right: Array) -> Array:
-    """Solve the equations of a recording's start. With the prior, they are positive definite except for rounding.
+    """Solve the normal equations of a recording's start, which are positive definite except for rounding errors.
 
     Directions below the rounding error of the scaled equations are left out.
     """
@@ -112,7 +112,7 @@ class Misfit:
         Residuals in units of the noise, before the gaps are closed.
     blocks : list of (ndarray, ndarray), shapes (P + s, P + s) and (P + s,)
         Information and gradient of each recording, with respect to the global coordinates and its first start (in units
-        of its prior). Empty, like all that follows, without derivatives.
+        of its prior). Without derivatives, `blocks`, `slopes` and `carried` are empty.
     slopes : list of ndarray, shape (n, c, P + s)
     carried : list of (ndarray, ndarray), shapes (k, s, P + s) and (k, s)
         Derivative of each start with respect to the unknowns, and the change of each start that closes the gaps.
@@ -188,13 +188,13 @@ def _gaps(problem: FitProblem, point: Iterate, shot: Shot, i: int) -> Array:
 
 
 def _condense(problem: FitProblem, point: Iterate, shot: Shot, i: int) -> ArrayPair:
-    """Return the changes of all starts as functions of first start and coordinates, by linearised continuity.
+    """Express the starts of all segments by the first start and the coordinates, with linearised continuity conditions.
 
     Returns
     -------
     ndarray (k, s, P + s), ndarray (k, s)
-        Derivatives of each start (with respect to the first start in units of its prior), and the change of each start
-        that closes all gaps.
+        Derivatives of each start with respect to the coordinates and the first start (in units of its prior), and the
+        change of each start that closes all gaps.
     """
     k, s = point.states[i].shape
     size = problem.size
@@ -257,10 +257,10 @@ def _shortened(
     longest: float,
     share: float = 1.0,
 ) -> tuple[Misfit, float] | None:
-    """Shorten the step until it lowers the merit function; the runs have no derivatives.
+    """Shorten the step until it lowers the merit function. The trial runs have no derivatives.
 
-    Only the bound on the step of the coordinates is lowered, and the starts follow. `share` scales both steps. Return
-    the misfit of the new point, and the limit of the next step; None if no step lowers the merit function.
+    The bound on the step of the coordinates is lowered, and the step of the starts is computed from it. `share` scales
+    both steps. Return the misfit of the new point, and the bound for the next step; None if no step lowers the merit.
     """
     information, gradient = equations(problem, at)
     while longest >= SHORTEST:
@@ -342,7 +342,7 @@ class Solved:
     freedom : int
         Degrees of freedom.
     slopes : list of ndarray, shape (n, c, P)
-        Derivatives of each recording, in units of the noise, minus the part that starts can compensate.
+        Derivatives of the outputs of each recording, in units of the noise, minus the part that starts can compensate.
     inverse : ndarray, shape (P, P)
         Inverse of the information of the coordinates, with prior knowledge of the sensors, in determined directions.
     weak : ndarray, shape (w, P)
@@ -457,7 +457,7 @@ def profile(solved: Solved, name: str, least: float | None = None) -> Interval:
     name : str
         Name of the value, as in `FitProblem.names`.
     least : float, optional
-        Cost of the best minimum. Default: cost of this solution.
+        Lowest cost of all minima. Default: cost of this solution.
     """
     problem, point, reach = solved.problem, solved.at.point, student(solved.freedom)
     index = problem.names.index(name)

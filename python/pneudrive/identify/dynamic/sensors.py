@@ -104,7 +104,7 @@ class Sensor:
 
 @dataclass(frozen=True)
 class Channel:
-    """Sensor in SI. `column` is the output of the model. `free` names the free properties, which begin at `START`."""
+    """Sensor in SI. `column` is the model output that it measures. `free` properties are fitted, from `START`."""
 
     name: str
     column: str
@@ -127,7 +127,7 @@ OFFSET_SIZE = {"m": 1e-3, "Pa": 1e3, "m/s": 1e-2, "K": 1.0, "N": 1.0, "m/s^2": 1
 def command_delay(sensors: Mapping[str, Sensor | Keyed] | None) -> float | None:
     """Return the delay of the valve after the recorded command in s, from ``{"command": {"delay": "2 ms"}}``.
 
-    None stands for ``"free"``: a delay is fitted for each recording.
+    None means ``"free"``: a delay is fitted for each recording.
 
     Raises
     ------
@@ -155,7 +155,7 @@ def _si(given: Any, unit: str, what: str, least: float) -> float:  # noqa: ANN40
 
 
 def channels_of(names: list[str], sensors: Mapping[str, Sensor | Keyed] | None) -> dict[str, Channel]:
-    """Return the channels with the properties of their sensors in SI, by name.
+    """Return the named channels, each with the properties of its sensor in SI.
 
     Raises
     ------
@@ -187,7 +187,7 @@ DELAY_SIZE_S = 2e-3
 
 @dataclass(frozen=True)
 class SensorParameter:
-    """Free parameter of a sensor: offset or command delay of one recording, or gain or lag common to all."""
+    """Free parameter of a sensor: offset or command delay of one recording, or gain or lag of all recordings."""
 
     kind: str
     channel: str
@@ -207,9 +207,9 @@ class SensorParameter:
 def sensor_parameters(
     channels: Iterable[Channel], recordings: Sequence[tuple[str, list[Channel]]], *, delay: bool
 ) -> list[SensorParameter]:
-    """Return the free parameters of the sensors: offsets for each recording with the channel; gain and lag once.
+    """Return the free parameters of the sensors: an offset for each recording with the channel; gain and lag once.
 
-    Recordings are pairs of their names and channels. With `delay`, also return the delay of each recording's command.
+    A recording is a pair of its name and its channels. With `delay`, the delay of each recording's command is added.
     """
     which = [f" [{name}]" if len(recordings) > 1 else "" for name, _ in recordings]
     out = [

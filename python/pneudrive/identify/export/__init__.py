@@ -14,8 +14,8 @@ non-negative least squares. The best scale is refined between its neighbours.
 
 Structured text (IEC 61131-3): the friction curve as one function of a PLC, for feed-forward.
 
-Between the lowest and the highest speed, the curve is a cubic spline over ln v. Its knots are equally spaced, so that
-the interval is found without a search::
+Between the lowest and the highest speed, the curve is a cubic spline over ln v. Its knots are equally spaced in ln v.
+The interval of a speed is therefore found without a search::
 
   u = (ln |v| - ln v_low)/h,   k = trunc(u),   d = u - k
   F = sign(v) (c0 + c1 d + c2 d^2 + c3 d^3)                                                         [N]
@@ -79,7 +79,7 @@ class SlidingCurve(Shown):
     entries : dict
         Name -> `Entry`: the parameters of the law in pneudrive.
     lost : tuple of str
-        Dependences on quantities other than speed, which the law of another tool does not include.
+        Effects of quantities other than speed, which the law of another tool does not include.
     unwritten : tuple of str
         Parts of the friction law without an entry.
     """
@@ -97,7 +97,7 @@ class SlidingCurve(Shown):
 
 
 def speeds_over(between: object, source: str) -> Array:
-    """Return the speeds of a curve between two limits, in m/s; errors name the `source` if it has no limits.
+    """Return the speeds of a curve between two limits, in m/s. If these are missing, the error names the `source`.
 
     Raises
     ------
@@ -145,7 +145,7 @@ def curve_of_drive(
 
 
 def _numbers_of_lists(part: Described, path: str) -> Iterator[tuple[str, GivenNumber]]:
-    """Yield the numbers in lists, which have no name in `values`: ``friction.position.harmonics.0.period``."""
+    """Yield numbers in lists, which are not in `values`, by dotted name: ``friction.position.harmonics.0.period``."""
     for name, field in type(part).model_fields.items():
         value, here = getattr(part, name), f"{path}.{field.alias or name}"
         if isinstance(value, Described) and name != "formula":
@@ -287,7 +287,7 @@ def _converted(
     values: Sequence[float] = (),
     **places: Any,  # noqa: ANN401 - for the template
 ) -> Exported:
-    """Return the conversion to a tool, from the values of its parameters, with the text of its template."""
+    """Return the converted law: parameter values of the tool, and the text from its template."""
     table = number_table("tools")[tool]
     parameters = by_name((name for name, *_ in table["parameters"]), values)
     made = Exported(tool, parameters, curve, converted_n, (*curve.lost, *table["lost"]))
@@ -298,13 +298,13 @@ def _converted(
 def best_scale(
     curve: SlidingCurve, columns: Callable[[float], Array], lowest: float, highest: float
 ) -> tuple[float, Array]:
-    """Return the scale between two limits, and the non-negative weights of its columns, that best fit a curve.
+    """Return the speed scale between two limits, and the non-negative forces, with which a law fits a curve best.
 
     Parameters
     ----------
     curve : SlidingCurve
     columns : callable
-        Scale -> array of shape (n, k) at the curve's speeds.
+        Scale -> factors of k forces at the curve's speeds, shape (n, k).
     lowest, highest : float
 
     Returns
@@ -326,7 +326,7 @@ def best_scale(
 
 
 def simscape_columns(speed: Array, v_brk: float) -> Array:
-    """Return the columns of F_brk - F_C, F_C and f in Simscape's formula."""
+    """Return the factors of F_brk - F_C, F_C and f in Simscape's formula at each speed."""
     v_st, v_c = np.sqrt(2.0) * v_brk, v_brk / 10.0
     stribeck = np.sqrt(2.0 * np.e) * np.exp(-((speed / v_st) ** 2)) * speed / v_st
     return np.column_stack([stribeck, np.tanh(speed / v_c), speed])
@@ -341,7 +341,7 @@ def _simscape(curve: SlidingCurve) -> Exported:
 
 
 def modelica_columns(speed: Array, fexp: float) -> Array:
-    """Return the columns of F_Coulomb, F_Stribeck and F_prop in Modelica's formula."""
+    """Return the factors of F_Coulomb, F_Stribeck and F_prop in Modelica's formula at each speed."""
     return np.column_stack([np.ones_like(speed), np.exp(-fexp * speed), speed])
 
 
@@ -378,7 +378,7 @@ def _csv(curve: SlidingCurve) -> Exported:
 
 
 def spline_of(curve: SlidingCurve) -> ArrayPair:
-    """Return the coefficients of the shortest spline that is accurate enough, and its values at the curve's speeds.
+    """Return the accurate spline with the fewest intervals: its coefficients, and its values at the curve's speeds.
 
     Returns
     -------

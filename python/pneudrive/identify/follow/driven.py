@@ -1,4 +1,4 @@
-"""A circuit whose piston follows a recorded motion, as a function of its free parameters; and its recordings."""
+"""Circuit whose piston follows a recorded motion, as a function of its free parameters, and recordings for it."""
 
 from __future__ import annotations
 
@@ -108,7 +108,7 @@ def driven_recordings(recordings: MotionRecordings, layout: AnyLayout = None) ->
 
 
 def driven_recording(recording: Recording) -> DrivenRecording:
-    """Prepare one recording: nodes of the motion, comparison times, pressures and noise.
+    """Return a prepared recording: nodes of the motion, comparison times, pressures and noise.
 
     Raises
     ------
@@ -346,9 +346,9 @@ class DrivenCircuit:
         return json.dumps(self.form)
 
     def heat_w_k(self, side: str) -> float | None:
-        """Return the heat transfer between gas and wall per kelvin, for dead volume and piston faces.
+        """Return the heat transfer from gas to wall in W/K, at the wall of the dead volume and both end faces.
 
-        None without a tank, or if the coefficient is not constant.
+        It is None without a tank at the chamber, or if the coefficient is not constant.
         """
         tank = self.tanks[side]
         numbers = self.parts[tank or self.piston]["numbers"]

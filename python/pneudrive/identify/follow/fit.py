@@ -139,7 +139,7 @@ class Rival:
     ----------
     name, words : str
     fit_percent : float
-        Worst residual of the fit, in % of the range.
+        Largest rms residual of the fit, in % of the range of the pressure.
     gain : float
         Sum of squared residuals of the fit, divided by that of the requested model.
     predictions : tuple of float
@@ -221,7 +221,7 @@ class FollowFit(Fit, kind="motion"):
         Circuit with the identified values.
     intervals : dict
         Name -> 95 % interval: union over all models that fit equally well, at least as wide as the differences between
-        parts.
+        parts of the recordings.
     details : dict
         Name -> ``model_interval``: 95 % interval for this model alone, from noise and correlated residuals. ``spread``:
         lowest and highest value over all models that fit equally well. ``parts``: values from each recording alone, or
@@ -282,7 +282,7 @@ def identify_motion(
     """Identify parameters of a circuit from its chamber pressures along a recorded motion.
 
     Start pressures, start temperatures and the delay of the pressures are free in each recording. If a recording starts
-    at rest, the prior of the start temperature is the wall temperature within 2 K.
+    at rest, the prior of its start temperatures is the wall temperature with a standard uncertainty of 2 K.
 
     Parameters
     ----------
@@ -294,7 +294,7 @@ def identify_motion(
         Groups ``volumes``, ``heat``, ``wall``, ``leak``, ... (`driven.GROUPS`), or names such as ``upper.volume``.
     layout : Layout or path, optional
     rivals : bool
-        Whether to fit alternative models, too: walls, leaks, held start. This takes most of the time.
+        Whether to fit alternative models, too: walls, leaks, held start and delay. They take most of the time.
     progress, cancel
         See `pneudrive.progress.Watch`.
 
@@ -487,7 +487,7 @@ def _squares(solution: FollowSolution) -> float:
 
 
 def _folds(problem: FollowProblem) -> list[tuple[list[Interval], list[Interval]]]:
-    """Return parts of the recordings to fit and to predict: halves of each recording, in both orders."""
+    """Return parts to fit and parts to predict: first and second halves of all recordings, and the reverse."""
     ends = [float(record.grid_s[-1]) for record in problem.records]
     first, second = [(0.0, end / 2.0) for end in ends], [(end / 2.0, end) for end in ends]
     return [(first, second), (second, first)]
@@ -512,7 +512,7 @@ def fitted_pressures(solution: FollowSolution) -> dict[str, FittedData]:
 
 
 def described_circuit(circuit: FollowFit | Circuit | str | Path) -> tuple[Circuit, FollowFit | None]:
-    """Return the circuit of a fit along motions and the fit, or a circuit and None."""
+    """Return the circuit of a fit along motions, and this fit; for a circuit, the circuit and None."""
     fit = FollowFit.from_toml(str(circuit)) if FollowFit.is_file(circuit) else circuit
     if isinstance(fit, FollowFit):
         return fit.circuit, fit

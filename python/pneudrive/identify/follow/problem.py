@@ -80,7 +80,7 @@ class FollowProblem:
     weights: list[Array] = field(default_factory=list)
 
     def __post_init__(self) -> None:
-        """Set the weights before the first fit, or copy the given ones: a fit updates the weights of its problem."""
+        """Set the weights before the first fit. Given weights are copied, because a fit updates its weights."""
         self.parts = self.parts or [(0.0, np.inf)] * len(self.records)
         self.weights = list(self.weights)
         for record in self.records[len(self.weights) :]:
@@ -197,7 +197,7 @@ class FollowSolution:
         return by_name(self.values, zip(low, high, strict=True))
 
     def deviation(self, place: int) -> float:
-        """Return the half width of the 95 % interval of a number, or of the logarithm of a shared number."""
+        """Return the half width of the 95 % interval of a parameter, or of the logarithm of a shared parameter."""
         half = float(student(self.freedom) * np.sqrt(self.covariance[place, place]))
         return min(half, WIDEST)
 
@@ -230,7 +230,7 @@ def simulated(problem: FollowProblem, point: FollowPoint) -> FollowSolution:
 
 
 def _jacobians(found: FollowSolution, pool: ThreadPoolExecutor) -> list[Array]:
-    """Return the Jacobian of each recording's residuals: by shared parameters, then by those of the recording."""
+    """Return the Jacobian of each recording's residuals: columns of shared, then of the recording's parameters."""
     problem, point, residuals = found.problem, found.point, found.residuals
     shared, groups = len(problem.numbers), _groups(problem)
     jobs, steps = [], np.r_[np.full(shared, SHARED_STEP), STEPS]
@@ -254,7 +254,7 @@ def _jacobians(found: FollowSolution, pool: ThreadPoolExecutor) -> list[Array]:
 
 
 def _groups(problem: FollowProblem) -> list[dict[int, int | slice]]:
-    """Return, for each run, the changed parameters -> rows of the residuals that they affect.
+    """Return a dict for each run of the Jacobian: changed parameter -> rows of the residuals that it affects.
 
     If no gas passes between the chambers, one run changes one parameter of each chamber. The delay needs no run.
     """

@@ -128,7 +128,7 @@ def _with_pressure(
 
 
 def diagnose(found: RobustEstimate, intervals: NamedIntervals) -> list[Undetermined]:
-    """Return statements on free parameters that the data do not limit."""
+    """Return statements on free parameters that the data do not determine."""
     data, theta, names = found.data, found.natural, found.model.names
     said: list[Undetermined] = []
     if found.model.stribeck:  # parts of the Stribeck curve outside the measured levels
@@ -222,7 +222,7 @@ def _joined(first: Interval, second: Interval) -> Interval:
 
 
 def interval_over_knees(found: RobustEstimate, quantile: float) -> NamedIntervals:
-    """Return profile intervals over all knees that the data allow. At a single knee, they would be far too narrow."""
+    """Return profile intervals over all knees that the data allow. Those at a single knee would be far too narrow."""
     out, model = profile_intervals(found, quantile), found.model
     if model.knee_pa is None:
         return out

@@ -1,9 +1,9 @@
 """Fits of friction laws to friction maps.
 
 `fit_friction` is for laws that are linear in their forces. It gives profile intervals, and fits only the part of the
-law that the data determine. `fit_any_law` needs only the bounds of a law. Its search has several starts, and its
-intervals are first order, in the logarithm of positive parameters. Parameters without effect on steady sliding keep
-their given values.
+law that the data determine. `fit_any_law` needs only the bounds of a law. It searches from several
+starts. Its intervals are first order in the logarithm of positive parameters. Parameters without effect on steady
+sliding keep their given values.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ def fit_friction(
     Parameters
     ----------
     friction_map : xarray.Dataset, path-like or Characterisation
-        As returned by :func:`pneudrive.characterise`: one dimension ``row``, SI units; its file; a result with a map.
+        Map in the form of :func:`pneudrive.characterise` (one dimension ``row``, SI), its file, or a result with a map.
     law : str
         ``coulomb`` (with a viscous part), ``stribeck`` (Gaussian), or with a shape: ``stribeck exponential``,
         ``stribeck lorentzian`` or ``stribeck free`` (the exponent is fitted).
@@ -122,7 +122,7 @@ def fit_values(
     Parameters
     ----------
     wanted : FrictionModel
-        Law; this function adds chambers and removes parts with too few values.
+        Law. The fit adds the dependence on chamber pressures, and removes parts that the data do not support.
     data : Observations
     pressure : str or None
         Dependence on pressure, one of ``PRESSURE_FORMS``; None: no dependence.
@@ -160,7 +160,7 @@ def fit_values(
 
 
 def _ranges(data: sliding.Observations) -> dict[str, list[float]]:
-    """Return the speeds, and the ranges of speed and gauge pressures; outside, the fit is an extrapolation."""
+    """Return the speeds, and the ranges of speed and gauge pressures. Outside these ranges, the fit extrapolates."""
     columns = {"speed_m_s": data.speed_m_s, "gauge_a_pa": data.gauge_a_pa, "gauge_b_pa": data.gauge_b_pa}
     ends = {name: [float(values.min()), float(values.max())] for name, values in columns.items()}
     return ends | {"speed_levels_m_s": [low for low, _ in distinct_levels(data.speed_m_s)]}
@@ -174,9 +174,9 @@ def assembled(
     notes: list[str],
     provenance: dict,
 ) -> FrictionFit:
-    """Return the fit of an estimate: natural parameters with covariance, intervals and statistics.
+    """Return the fit of an estimate: parameters in SI with covariance, intervals and statistics.
 
-    Its values are all parameters of the requested law; NaN for a value that is not determined.
+    The fit has a value for each parameter of the requested law, NaN if the data do not determine it.
     """
     model, theta = found.model, found.natural
     curve = ("breakaway", "stribeck_velocity", "stribeck_exponent") if law == "stribeck" else ()
@@ -226,7 +226,7 @@ def fit_any_law(
     friction_map : xarray.Dataset, path-like or Characterisation
         As for :func:`fit_friction`.
     friction : Friction
-        Built-in or custom law with guesses of its parameters. Its modifiers (pressure, direction) are kept.
+        Built-in or custom law with guesses of its parameters. Its modifiers (pressure, direction) are not fitted.
     free : sequence of str, optional
         Parameters to fit. Default: all parameters with an effect on steady sliding.
 
@@ -273,7 +273,7 @@ def fit_any_law(
 
 
 def _profile(found: RobustEstimate, name: str) -> Interval:
-    """Return the interval of one parameter by profile likelihood, on the pseudo-values of the estimate."""
+    """Return the interval of one parameter by profile likelihood, from the pseudo-values of the estimate."""
     model, theta = found.model, found.model.transforms.natural(found.q)
     k = model.names.index(name)
     is_positive = bool(model.positive[k])

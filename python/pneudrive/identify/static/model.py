@@ -73,7 +73,7 @@ class Observations:
     Attributes
     ----------
     speed_m_s, friction_n, stderr_n : ndarray, shape (n,)
-        Speed (> 0), friction (> 0 opposes the motion), its standard error (moderated over all rows).
+        Speed (> 0), friction (> 0 opposes the motion), and its standard error (shrunk towards a trend over speed).
     gauge_a_pa, gauge_b_pa : ndarray, shape (n,)
         Gauge pressures of the chambers.
     u_systematic_n : ndarray, shape (n,)
@@ -108,8 +108,8 @@ def at_conditions(
 ) -> Observations:
     """Return rows at the given speeds and gauge pressures (broadcast) to evaluate a law; friction is a dummy.
 
-    A condition is numbers in SI or a quantity, such as ``"3 bar abs"`` at an absolute ambient pressure in Pa. The sign
-    of a speed is ignored.
+    Each condition is a number or an array in SI, or a quantity such as ``"3 bar abs"``. `ambient_pa` converts absolute
+    pressures to gauge. The sign of a speed is ignored.
     """
     given: list[Any] = [parse(speed_m_s, "m/s") if isinstance(speed_m_s, str) else speed_m_s]
     for gauge in (gauge_a_pa, gauge_b_pa):
@@ -156,8 +156,8 @@ class FrictionModel(StaticLaw):
     exponent : float or None
         Fixed Stribeck exponent; None makes it a free parameter.
     chambers : tuple of str
-        Chambers whose gauge pressure acts on the forces: (), ("a",), ("b",), ("a", "b"), or ("ab",) for equal slopes,
-        of which only the sum is free.
+        Chambers whose gauge pressure acts on the forces: (), ("a",), ("b",), ("a", "b"), or ("ab",) if both chambers
+        have the same slope, which is then one free parameter.
     viscous : bool
         Whether the viscous coefficient is free; otherwise it is zero.
     lorentzian : bool
@@ -202,7 +202,7 @@ class FrictionModel(StaticLaw):
 
     @property
     def terms(self) -> tuple[str, ...]:
-        """Return the pressure terms of the forces, slopes first."""
+        """Suffixes of the parameters that describe the dependence of a force on pressure, slopes first."""
         terms = self.chambers
         if self.pressure == "quadratic":
             terms += tuple(f"curve_{c}" for c in self.chambers)
@@ -303,9 +303,9 @@ class FrictionModel(StaticLaw):
         return force, np.column_stack([columns[name] for name in self.names])
 
     def linear_columns(self, data: Observations, log_velocities: Array, log_exponent: float | None) -> Array:
-        """Return the columns (g, n, p) of the natural force parameters at Stribeck velocities (g,).
+        """Return the derivatives with respect to the forces at each Stribeck velocity, shape (g, n, p).
 
-        The Stribeck curve depends only on v / vs, so that one call of the core covers all velocities.
+        The Stribeck curve depends only on v / vs, so that one call of the core covers all g velocities.
         """
         exponent = self.exponent or (None if log_exponent is None else float(np.exp(log_exponent)))
         relative = (data.speed_m_s / np.exp(log_velocities)[:, None]).ravel()
@@ -317,7 +317,7 @@ class FrictionModel(StaticLaw):
         """Return start coordinates, best first.
 
         At each Stribeck velocity of a logarithmic grid, non-negative forces and excess follow from a linear problem.
-        The best local minima of the grid are kept; those with an excess beyond its bound come last.
+        The best local minima of the grid are kept; minima with an excess beyond its bound come last.
         """
         if not self.stribeck:
             return [self._linear_start(data, self.linear_columns(data, np.zeros(1), None)[0], 0.0, None)[1]]
@@ -368,7 +368,7 @@ class FrictionModel(StaticLaw):
         return float(np.sum(np.abs(residual))), q
 
     def _pressures(self, data: Observations) -> Columns:
-        """Return the factors of a force and of its pressure terms, by suffix of the parameter name."""
+        """Return the factors of a force and of its pressure terms at each row, by suffix of the parameter name."""
         a, b = data.gauges_pa
         of = {"a": a, "b": b}
         if self.knee_pa is not None:
@@ -447,7 +447,7 @@ class AnyLaw(StaticLaw):
         return self.transforms.internal(np.where(self.positive, np.maximum(theta, 1e-12), theta))
 
     def bounds(self, data: Observations) -> ArrayPair:
-        """Return the bounds of the coordinates: bounds of the law, and six decades around the given values."""
+        """Return the bounds of the coordinates: those of the law, but at most six decades from the start values."""
         del data
         given = self.internal(self.given)
         reach = np.where(self.positive, 14.0, np.inf)
@@ -465,7 +465,7 @@ class AnyLaw(StaticLaw):
         return lower, upper
 
     def without(self, name: str, value: float, start: Array) -> AnyLaw:
-        """Return the law with one parameter held. `start` (p,) has the start values of all parameters in SI."""
+        """Return the law with one parameter held at `value`; `start` has start values of all parameters, (p,)."""
         keep = [k for k, n in enumerate(self.names) if n != name]
         names = tuple(self.names[k] for k in keep)
         others = tuple(float(start[k]) for k in keep)
@@ -486,7 +486,7 @@ class AnyLaw(StaticLaw):
         return list(np.clip(given + steps, lower, upper))
 
     def entries(self) -> list[Plain]:
-        """Return the entry of the core for each free parameter: bounds, unit, meaning."""
+        """Return bounds, unit and meaning of each free parameter, as stated by the core."""
         by_key = {p["key"]: p for p in self.friction.entry["parameters"]}
         return [by_key[n] for n in self.names]
 
@@ -506,7 +506,7 @@ NO_FRICTION_N = 1e-12
 
 
 def map_of(given: Any) -> xr.Dataset:  # noqa: ANN401 - anything with a map
-    """Return a friction map, that of its file, or that of a result."""
+    """Return the friction map of an argument: a map, the file of a map, or a result with a map."""
     return read_map(given) if isinstance(given, str | Path) else getattr(given, "friction_map", given)
 
 
@@ -638,7 +638,7 @@ def _usable(
 
 
 def _pairs(column: dict[str, NDArray], keep: Bools) -> Ints:
-    """Return pairs (m, 2) of rows that state one value: same recording, identical friction, opposite directions.
+    """Return pairs of rows that state one value, shape (m, 2): one recording, same friction, opposite directions.
 
     A single row forms a pair with itself.
     """

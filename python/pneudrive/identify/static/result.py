@@ -52,7 +52,7 @@ class SlidingFit(Fit):
         return (*said, *super().findings())
 
     def _at(self, *conditions: ArrayLike) -> sliding.Observations:
-        """Return the speed and the gauge pressures of a prediction; warn of values outside the measured ranges."""
+        """Return the conditions of a prediction as rows of data, and warn if they are outside the measured ranges."""
         at = sliding.at_conditions(*conditions, ambient_pa=self.provenance.get(AMBIENT, STANDARD_ATMOSPHERE_PA))
         if not np.isfinite(at.speed_m_s).all() or not at.speed_m_s.all():
             raise FitError.of("identify.standing", speed=conditions[0])
@@ -309,7 +309,7 @@ class FrictionFit(SlidingFit, kind="friction map"):
             warn(sentence("notes", "kept", kept=", ".join(kept), speed=speed, own=own, fitted=known))
 
     def identified(self, *, curve: bool = False) -> Identified:
-        """Return the determined parameters under their names in the drive file. `curve` adds the exponent.
+        """Return the determined parameters under their names in the drive file; `curve` adds the Stribeck exponent.
 
         The intervals combine statistical (profile likelihood) and systematic uncertainty in quadrature. If the data
         determine only the sum of two slopes, each slope gets half of the sum, without an interval.
@@ -394,7 +394,7 @@ def slope_key(name: str) -> str:
 
 
 def _remedy(fit: FrictionFit, i: int, j: int) -> str:
-    """Return the speed at which a further value reduces the correlation most; for pressures, a general remedy."""
+    """Return the speed at which a further value reduces the correlation most, or a general remedy for pressures."""
     names = (fit.free[i], fit.free[j])
     if any(sliding.unit_of(name).startswith("N/Pa") for name in names):
         return "pressures that differ more, and are not varied together, would separate them"
@@ -508,7 +508,7 @@ class LawFit(SlidingFit, kind="law"):
         return export.curve_of_friction(self.friction, title, speed, gauges_pa, entries)
 
     def findings(self) -> tuple[Finding, ...]:
-        """Return findings on the residuals, on undetermined parameters, and on those without effect."""
+        """Return findings on residuals, undetermined parameters, and parameters without effect on steady sliding."""
         lost, unseen = ", ".join(self.undetermined), ", ".join(self.unseen)
         found = [Finding(f"these values do not determine {lost}", "open")] if lost else []
         words = "have no effect on steady sliding and keep their given values"
@@ -536,7 +536,7 @@ PROBABILITIES = (0.1, 0.25, 0.4, 0.5, 0.6, 0.7, 0.8, 0.875, 0.925, CONFIDENCE, 0
 
 
 def values_of_fit(friction_map: xr.Dataset, provenance: Keyed) -> sliding.Observations | None:
-    """Select the values of a map as the fit with this provenance did; None for a map of other recordings.
+    """Select the values of a map in the same way as the fit with this provenance. None for a map of other recordings.
 
     Parameters
     ----------

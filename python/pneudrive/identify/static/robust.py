@@ -63,7 +63,7 @@ class RobustEstimate:
     cost : float
         Sum of the loss at `scale`.
     starts, agreeing : int
-        Number of starts, and number of starts that ended at this estimate.
+        Number of starts of the search, and number of starts that led to this estimate.
     rival : float
         Stribeck velocity in m/s of another estimate that is not significantly worse (p > 0.05); NaN without one.
     scatter_n : float
@@ -126,7 +126,7 @@ class RobustEstimate:
         return by_name(self.model.names, sizes)
 
     def pseudo_fit(self, model: StaticLaw, starts: Sequence[Array] = ()) -> RobustEstimate:
-        """Return the plain least squares estimate of another law from the pseudo-values, with their variance."""
+        """Return the plain least squares estimate of a law from the pseudo-values, with their variance."""
         pseudo = replace(self.data, friction_n=self.pseudo)
         other = estimate(model, pseudo, LINEAR, starts=starts)
         return replace(other, data=self.data, pseudo=self.pseudo, variance=self.variance)
@@ -284,9 +284,9 @@ CLEARLY = 6.6
 
 
 def estimated(model: StaticLaw, data: Observations) -> RobustEstimate:
-    """Estimate a law, with a scatter of the values if the residuals are too large and a scatter explains them.
+    """Estimate a law. If the residuals are too large, a scatter that explains them is added to the standard errors.
 
-    The alternative is a common factor on the standard errors. This factor is chosen only if it is clearly more likely.
+    The alternative is a common factor on the standard errors. It is chosen only if it is clearly more likely.
     """
     from scipy.optimize import brentq
     from scipy.special import chdtrc
@@ -421,7 +421,7 @@ def _grid(found: RobustEstimate, quantile: float) -> ArrayPair:
 def _forces(
     found: RobustEstimate, linear: list[str], log_velocities: Array, log_exponent: float, most: float
 ) -> tuple[Array, Array, Array]:
-    """Return the least cost (g,) of the linear problem at each velocity, and the ends (g, p) of the forces.
+    """Return the least cost of the linear problem at each velocity, shape (g,), and the ends of the forces, (g, p).
 
     Between the ends of a force, the cost is at most `most`. A negative excess is held at zero; the ends of the excess
     and its slopes then also cover the fit with a free excess.
@@ -449,14 +449,14 @@ def _forces(
 
 
 def _ends(cost: Array, value: Array, spread: Array, most: float) -> ArrayPair:
-    """Return the ends of values, between which the cost is at most `most`."""
+    """Return the lower and upper ends of the values, between which the cost is at most `most`."""
     slack = np.maximum(most - cost, 1e-300)  # above zero, so that an unknown spread stays infinite
     reach = np.sqrt(slack[:, None] * spread)
     return value - reach, value + reach
 
 
 def _least_squares(columns: Array, y: Array) -> tuple[Array, Array, Array]:
-    """Solve linear least squares, columns (g, n, p), with infinite variance for undetermined parameters."""
+    """Solve g linear least squares problems, columns (g, n, p). Undetermined parameters have infinite variance."""
     size = np.linalg.norm(columns, axis=1)
     size[size == 0.0] = 1.0
     u, singular, vt = np.linalg.svd(columns / size[:, None, :], full_matrices=False)

@@ -65,8 +65,9 @@ MIDDLE = 48.0**-0.5
 class Surveyed:
     """Data of one seal: values, law, and the Jacobian of its friction with respect to the parameters.
 
-    ``columns`` (n, p) are derivatives and ``rest`` (n,) residuals, both relative to the law; ``theta`` (p,) are
-    internal coordinates. ``fit`` is the fit of this seal alone, for example ``survey.seals["PK"].fit.apply(drive)``.
+    ``columns`` are derivatives, shape (n, p), and ``rest`` are residuals, shape (n,), both relative to the law.
+    ``theta`` are internal coordinates, shape (p,). ``fit`` is the fit of this seal alone, for example
+    ``survey.seals["PK"].fit.apply(drive)``.
     """
 
     name: str
@@ -138,7 +139,7 @@ class Survey(Shown):
         speed_m_s, gauge_a_pa, gauge_b_pa : array_like or str
             Conditions, broadcast against each other: numbers in SI or quantities, such as "3 bar gauge".
         run : str or None
-            Measured run, for a further recording in it; None: a new run.
+            Measured run that contains the further recording. None: a new run.
         probability : float
             Probability of the interval.
 
@@ -179,7 +180,7 @@ class Survey(Shown):
         return lines + [f"{name}: {why}" for name, why in self.unused.items()]
 
     def _kriged(self, one: Surveyed, at: Observations, run: str | None = None) -> ArrayPair:
-        """Return the prediction and its variance at each roughness and scatter, shapes (11, 9, 20, n)."""
+        """Return predictions and their variances for each roughness and both scatters, shape (11, 9, 20, n)."""
         mean, jac = one.model.value_and_jacobian(one.theta, at)
         drift = jac / mean[:, None]
         inside = _kernel(one.model, one.data, one.data, self.span_pa)
@@ -201,7 +202,7 @@ class Survey(Shown):
         return value, variance
 
     def _borrowed(self, one: Surveyed, at: Observations) -> ArrayPair:
-        """Predict friction of a seal measured at one pressure, from the friction ratios of the other seals."""
+        """Predict the friction of a seal measured at only one pressure, from the friction ratios of other seals."""
         here = at_conditions(at.speed_m_s, *(gauge.mean() for gauge in one.data.gauges_pa))
         dependent = (seal for seal in self.seals.values() if seal.model.chambers)
         ratios = [self._most_likely(seal, at) / self._most_likely(seal, here) for seal in dependent]
@@ -313,7 +314,7 @@ def _kernel(model: FrictionModel, first: Observations, second: Observations, spa
 
 
 def _least_squares(one: Surveyed, kernel: Array, roughness: float) -> tuple[Array, Array, Array]:
-    """Return inverse covariance of values, and covariance and change of parameters, for all scatters (9, 20, ...)."""
+    """Return inverse covariance of values, covariance and change of parameters, for all scatters, (9, 20, ...)."""
     same_run = np.array([[r == s for s in one.runs] for r in one.runs], dtype=float)
     between = (BETWEEN_RUNS**2)[:, None, None, None] * same_run
     scatter = (SCATTER**2)[:, None, None] * np.eye(len(one.data))
@@ -338,7 +339,7 @@ def _restricted(one: Surveyed, span: float) -> Array:
 
 
 def _quantiles(value: Array, deviation: Array, weight: Array, probability: float) -> ArrayPair:
-    """Return the interval of a mixture of normal distributions, shapes (m, n) and (m,), by bisection."""
+    """Return the interval of n mixtures of m normal distributions, by bisection."""
     from scipy.special import ndtr
 
     keep = weight > 1e-6 * weight.max()
@@ -358,7 +359,7 @@ def _quantiles(value: Array, deviation: Array, weight: Array, probability: float
 def survey(friction_map: AnyMap, seals: str | Sequence[str], runs: str | Sequence[str] | None = None) -> Survey:
     """Fit each seal of a friction map.
 
-    Scatter, differences between runs and deviation from a straight line are common to all seals.
+    The statistics of scatter, differences between runs, and deviation from a straight line are common to all seals.
 
     Parameters
     ----------
@@ -378,7 +379,10 @@ def survey(friction_map: AnyMap, seals: str | Sequence[str], runs: str | Sequenc
 
 
 def pressure_levels(data: Observations) -> Ints:
-    """Return the index of the pressure level of each value. A level is within 10 % or 0.1 bar of its first value."""
+    """Return the index of the pressure level of each value.
+
+    Values within 10 % or 0.1 bar of the first value of a level belong to this level.
+    """
     levels: list[Interval] = []
     out = np.empty(len(data), dtype=np.int64)
     for i, (a, b) in enumerate(zip(*data.gauges_pa, strict=True)):
