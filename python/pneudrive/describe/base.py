@@ -31,7 +31,7 @@ _SUFFIX = re.compile(rf"_(?:{'|'.join(_STORED_IN)})$")
 
 
 def key_of(name: str) -> str:
-    """Return the file key of a field: its name without the suffix of its unit.
+    """Return the key of a field in files: its name without the suffix of its unit.
 
     Examples
     --------
@@ -71,7 +71,7 @@ class Described(Shown, BaseModel):
 
     @classmethod
     def __pydantic_init_subclass__(cls, **options: Any) -> None:  # noqa: ANN401 - pydantic's own
-        """Add the file key of each field as an attribute in Python."""
+        """Add an attribute for each field, named as its key in files: ``bore`` for the field ``bore_m``."""
         for name, field in cls.model_fields.items():
             if field.alias and field.alias != name and not hasattr(cls, field.alias):
                 setattr(cls, field.alias, _by_key(name, mark_of(field)))
@@ -227,7 +227,7 @@ class Described(Shown, BaseModel):
         return {name: value for name in type(self).model_fields if (value := getattr(self, name)) is not None}
 
     def to_dict(self) -> Plain:
-        """Return the given values of the table as plain values, quantities with units. Defaults are left out."""
+        """Return the given values of the table in the form that users write. Defaults are left out."""
         out: Plain = {}
         for name, field in type(self).model_fields.items():
             value = getattr(self, name)
@@ -277,7 +277,7 @@ def mark_of(field: FieldInfo) -> Mark | None:
 
 
 def as_tables(value: Any, mark: Mark | None = None, *, defaults: bool = False) -> Any:  # noqa: ANN401 - any field
-    """Return a value in the form that users write. Tables become plain values, also in lists and dictionaries."""
+    """Return a value in the form that users write. Tables become dicts, also within lists and dicts."""
     if mark is not None:
         return mark.show(value)
     if isinstance(value, Described):

@@ -118,9 +118,9 @@ class Circuit(DescribedSystem):
 
     @property
     def dew_point_pressure_pa(self) -> float | None:
-        """Absolute pressure in Pa at which the dew point of the gas is given; None without a dew point.
+        """Absolute pressure in Pa to which the dew point of the gas refers; None without a dew point.
 
-        The default is the highest pressure of the circuit's reservoirs.
+        If the description does not state it, it is the highest pressure of the circuit's reservoirs.
         """
         ambient = self.ambient.pressure_pa
         holding = (one for one in self.components.values() if one.entry["ports"][0]["holds"] == "pressure")
@@ -144,7 +144,7 @@ class Circuit(DescribedSystem):
         Warns
         -----
         PneudriveWarning
-            The gas of a component is connected to no reservoir, or a friction table names no law.
+            The gas of a component is not connected to a reservoir, or a friction table names no law.
         """
         if isinstance(source, str) and "\n" in source:
             return cls.from_tables(toml.parse(source, "circuit"), source, Path("circuit"))
@@ -152,7 +152,9 @@ class Circuit(DescribedSystem):
 
     @classmethod
     def from_tables(cls, tables: Plain, text: str, path: Path) -> Circuit:
-        """Make a circuit from the tables of a file. Errors show lines of `text`. `path` locates custom laws.
+        """Make a circuit from the tables of a file.
+
+        Errors show lines of `text`. Files of custom laws and formulas are relative to the folder of `path`.
 
         Raises
         ------
@@ -208,7 +210,7 @@ class Circuit(DescribedSystem):
 
     @property
     def axis_names(self) -> ShortNames:
-        """Names of a drive file for the columns of a circuit with one cylinder and one commanded component.
+        """Short names, as in a drive, for the columns of a circuit with one cylinder and one commanded component.
 
         Raises
         ------
@@ -267,7 +269,7 @@ class Circuit(DescribedSystem):
         return self
 
     def circuit_values(self, given: object) -> Keyed:
-        """Return start values, given as a dict or a text, as a table."""
+        """Return start values as a table. `given` is a dict or a text."""
         return start_values(given)
 
     @cached_property
@@ -278,7 +280,7 @@ class Circuit(DescribedSystem):
 
     @property
     def component_places(self) -> list[tuple[str, str]]:
-        """Components, each with its table in the circuit file."""
+        """Key of each component in the circuit file, twice, in the form of `Drive.component_places`."""
         return [(f"components.{name}", f"components.{name}") for name in self.components]
 
     @property
@@ -317,18 +319,18 @@ class Circuit(DescribedSystem):
         progress: Progress | None = None,
         cancel: Flag | None = None,
     ) -> xr.Dataset:
-        """Simulate the circuit; ``pn.simulate(circuit, ...)`` is the same.
+        """Simulate the circuit, as ``pn.simulate(circuit, ...)`` does.
 
         Parameters
         ----------
         commands : dict, str, number, sequence or None
-            Commands by component: ``{"valve_l": "0 s: 1, 0.5 s: -1", "valve_r": 0.4}``, each in a form of
-            `pneudrive.simulate`. A text may begin with the name, ``"valve_l: 0 s: 1, 0.5 s: -1"``. The name is optional
-            if only one component has a command. A valve without a command stays closed.
+            Commands by component: ``{"valve_l": "0 s: 1, 0.5 s: -1", "valve_r": 0.4}``, each in a form that
+            `pneudrive.simulate` accepts. A text may begin with the name, ``"valve_l: 0 s: 1, 0.5 s: -1"``. The name is
+            optional if only one component has a command. A valve without a command stays closed.
         duration, sample_rate, rtol, ledger, budget, progress, cancel
             See `pneudrive.simulate`.
         initial : dict or str, optional
-            As for `start`.
+            Start values, see `start`.
 
         Returns
         -------
@@ -345,7 +347,7 @@ class Circuit(DescribedSystem):
 
     @cached_property
     def assumptions(self) -> list[tuple[str, str]]:
-        """Assumptions as (text, name), with ``{}`` in the text for the name of the component or joint."""
+        """Assumptions as pairs (text, name). The name of the component or joint replaces ``{}`` in the text."""
         out: list[tuple[str, str]] = []
         starts, settled = Starts(self).values(self.initial)
         highest = max((value for name, value in starts.items() if name.endswith(PRESSURE)), default=0.0)
@@ -365,7 +367,7 @@ class Circuit(DescribedSystem):
 
     @property
     def joint_volumes(self) -> list[tuple[str, float]]:
-        """One port and the volume in m3 of each gas joint that has no component with a volume."""
+        """Gas joints whose volume belongs to no component: the first port of each, and the volume of its ports, m3."""
         return self.system.compiled().joint_volumes
 
     @property

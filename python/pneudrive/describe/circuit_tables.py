@@ -94,7 +94,7 @@ def read_components(
 
 
 def _used(name: str, table: Plain) -> Plain:
-    """Merge a table over the table of the catalogue part that it names under `use`."""
+    """Merge a component's table over the table of the catalogue part that its key `use` names."""
     own = {key: value for key, value in table.items() if key != "use"}
     with within_component(name, table):
         part = catalogue.part_table(table["use"])

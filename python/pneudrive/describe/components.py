@@ -73,7 +73,7 @@ class Component(Described):
 
     @classmethod
     def flat(cls, table: Keyed) -> Plain:
-        """Convert ``end_stop = { stiffness = ... }`` to ``end_stop_stiffness = ...``, and keep the origin."""
+        """Convert ``end_stop = { stiffness = ... }`` to ``end_stop_stiffness = ...``. Values retain their origins."""
         out: Plain = {}
         keys: list[str] = []
         for old, key in cls.renamed.items():
@@ -98,9 +98,10 @@ class Component(Described):
 
     @classmethod
     def over(cls, base: Keyed, own: Keyed) -> Plain:
-        """Merge the keys of a user over the keys of a part, each with its origin.
+        """Merge the user's values over the values of a catalogue part. Values retain their origins.
 
-        A flow size or a friction law of the user replaces that of the part, even if it has another form.
+        A flow size of the user replaces that of the part, even if it has another key, such as `kv`. Another friction
+        law also replaces the parameters of the law.
         """
         out, own = cls.flat(base), cls.flat(own)
         for key, given in own.items():
@@ -155,7 +156,7 @@ class Component(Described):
             yield parameter, acts(parameter, beside)
 
     def numbers(self, ambient_pa: float) -> NamedNumbers:
-        """Return the known parameters by key, in SI, with absolute pressures."""
+        """Return the parameters that have a value, by key, in SI with absolute pressures."""
         out = {}
         for parameter, has_effect in self._acting():
             if not has_effect and parameter["only"].startswith("no "):
@@ -238,7 +239,7 @@ class Component(Described):
 
     @property
     def unusual(self) -> Iterator[str]:
-        """Sizes that are larger or smaller than usual ones."""
+        """Sizes outside their usual range, each with this range."""
         for key, size, _, rule in unusual_sizes(self, USUAL):
             yield f"{key} = {size}; {rule}"
 
@@ -306,7 +307,7 @@ def _nested(key: str, table: Keyed) -> str:
 
 
 def rows(entry: Keyed) -> list[tuple[str, str, str, str]]:
-    """Return the keys of a kind as rows of text: key, unit or form, default with its origin, meaning."""
+    """Return the keys of a kind of component as rows of text: key, unit or form, default with its origin, meaning."""
     kind = component_class(entry["kind"])
     out = []
     for parameter in entry["parameters"]:
@@ -367,7 +368,7 @@ def _size(key: str) -> Quantity:
 
 @lru_cache(maxsize=512)
 def component_class(kind: str, formula: ComponentFormula | None = None) -> type[Component]:
-    """Return the class of a kind of component; with a formula, its parameters are further fields."""
+    """Return the class of a kind of component. The parameters of a formula are further fields."""
     entry = component_kinds()[kind] if formula is None else formula.entry
     points = entry["points"]
     fields: Plain = {"kind": (Literal[kind], ...)}  # type: ignore[valid-type]

@@ -118,7 +118,7 @@ class Wiring:
     at : dict
         Port -> its joint.
     warnings : list of str
-        Components whose gas reaches no reservoir.
+        Warnings that name components whose gas is not connected to a reservoir.
     """
 
     def __init__(
@@ -172,7 +172,7 @@ class Wiring:
     def across(self, joint: Joint, only: Iterable[str] | None = None) -> Iterator[Joint]:
         """Yield the joints that exchange gas with a joint through one component.
 
-        `only` names the components to follow; the default is all.
+        If `only` is given, this component must be one of `only`.
         """
         for port in joint.ports:
             if port.is_single and (only is None or port.component in only):
@@ -329,7 +329,10 @@ class Wiring:
                 self.problems.add(problem)
 
     def _check(self) -> None:
-        """Check the joints. Gas without a path to a reservoir is a warning, and without a path to a volume an error."""
+        """Check the joints.
+
+        Gas that is not connected to a reservoir gives a warning, or an error if it is not connected to a volume either.
+        """
         for name in self.parts:
             ports = [port for port in self.ports(name) if port.is_single]
             places = [self.at[port] for port in ports if port in self.at]

@@ -108,7 +108,9 @@ class Drive(DescribedSystem):
 
     @classmethod
     def from_tables(cls, tables: Plain, text: str, path: Path) -> Drive:
-        """Make a drive from the tables of a file. Errors show lines of `text`. `path` locates custom laws.
+        """Make a drive from the tables of a file.
+
+        Errors show lines of `text`. Files of custom laws are relative to the folder of `path`.
 
         Raises
         ------
@@ -171,24 +173,24 @@ class Drive(DescribedSystem):
 
     @property
     def dew_point_pressure_pa(self) -> float | None:
-        """Absolute pressure in Pa at which the dew point of the gas is given; None without a dew point."""
+        """Absolute pressure in Pa to which the dew point of the gas refers; None without a dew point."""
         return self.gas.dew_point_pressure_pa(self.ambient.pressure_pa, self.supply_pressure_pa)
 
     @property
     def component_places(self) -> list[tuple[str, str]]:
-        """Pairs of a component's key in a circuit file and in the drive file, with the longest drive keys first."""
+        """Key of each component in a circuit file, and its key in the drive file. The longest drive keys come first."""
         places = Short(self.to_dict() | {"friction": self.friction}, Problems()).places
         out = sorted((places | {"components.supply.gas": "gas"}).items(), key=lambda one: -len(one[1]))
         return out if "components.load" in places else [*out, ("components.cylinder", "load")]
 
     @property
     def is_plain(self) -> bool:
-        """Whether the drive has no tubes and flow controls, and a proportional valve without overlap and leakage."""
+        """Whether the drive has no tubes, no flow controls, and a proportional valve without overlap and leakage."""
         return not (self.tubing or self.flow_control or self.valve.has_shape or self.valve.is_switching)
 
     @property
     def plain(self) -> Drive:
-        """The drive without lines, overlap, leakage and switching times."""
+        """The drive without tubes and flow controls, with a proportional valve without overlap and leakage."""
         if self.is_plain:
             return self
         shape = {"kind": "proportional-5/3", **dict.fromkeys(("overlap", "leakage", "time_on_s", "time_off_s"))}
@@ -211,19 +213,19 @@ class Drive(DescribedSystem):
 
     @cached_property
     def system(self) -> System:
-        """Circuit of the drive in the core's form, and the names of the drive file."""
+        """Circuit of the drive in the core's form, with the drive's short names of the variables."""
         if self.is_plain:
             return System.of_drive(self.short_form())
         return System(self.circuit.core_json(), (PISTON, tuple(DRIVE_NAMES.items()), False))
 
     @property
     def commandable(self) -> dict[str, Signal | Positions | None]:
-        """The valve, under an empty name, with its switching positions or its electrical input (None if not given)."""
+        """Switching positions or electrical input of the valve (None if not given), under an empty name."""
         return {"": Positions((-1.0, 0.0, 1.0)) if self.valve.is_switching else self.valve.command}
 
     @property
     def meanings(self) -> dict[str, str]:
-        """Meaning of the additional trajectory columns of a drive with lines, by name."""
+        """Meaning of the trajectory columns that the components of the circuit add, by name; empty if `is_plain`."""
         return {} if self.is_plain else self.circuit.meanings
 
     @cached_property
@@ -234,7 +236,7 @@ class Drive(DescribedSystem):
         return hashlib.sha256(json.dumps(self.short_form(), sort_keys=True).encode()).hexdigest()
 
     def short_form(self) -> Plain:
-        """Return supply, valve, cylinder, friction and load in SI, without lines, overlap and leakage of the valve."""
+        """Return the tables of the drive in SI, without tubes, flow controls, and overlap and leakage of the valve."""
         ambient, spring = self.ambient.core(), self.carried.spring
         # The supply and the walls have ambient temperature by default.
         supply = ambient | self.supply.stored() | {"pressure_pa": self.supply_pressure_pa}
@@ -257,7 +259,7 @@ class Drive(DescribedSystem):
         }
 
     def core_initial(self, initial: StartState = None) -> NamedNumbers:
-        """Return the start state in SI by the names of the drive, with absolute pressures.
+        """Return the start state in SI, by the drive's names of the variables. Pressures are absolute.
 
         `initial` is an `Initial`, or its keys as a dict or a text.
 
@@ -284,7 +286,7 @@ class Drive(DescribedSystem):
         return {short_name(name): value for name, value in whole.items()} | {"contact_age_s": start.contact_age_s}
 
     def circuit_values(self, given: StartState) -> Plain:
-        """Return the given start values under the names of the circuit, without the contact age."""
+        """Return the given start values by their keys in a circuit, without the contact age."""
         values = (read_initial(given) or Initial()).to_dict()
         values.pop("contact_age", None)
         ends = {f"{key}_{chamber}": f"{chamber}.{key}" for chamber in "ab" for key in ("pressure", "temperature")}
@@ -292,13 +294,13 @@ class Drive(DescribedSystem):
 
     @property
     def end_stop(self) -> NamedNumbers:
-        """End stop parameters in SI by the names of `EndStop`, from the file or derived from the drive."""
+        """End stop parameters in SI, by field name of `EndStop`. Missing parameters are derived from the drive."""
         stops, _ = self.plain.system.compiled().end_stops(0.0)[PISTON]
         return dict(zip(EndStop.model_fields, stops, strict=True))
 
     @cached_property
     def assumptions(self) -> list[tuple[str, str]]:
-        """Assumptions as (text, name); only those of a drive with lines have names of components."""
+        """Assumptions as pairs (text, name of a component or joint). The name is empty if the drive `is_plain`."""
         out = [f"{v.key} = {inline(v.value)}, {v.assumed}" for v in self.origin_of.values() if v.assumed is not None]
         if not self.is_plain:
             return [(escaped(line), "") for line in out] + self.circuit.assumptions
@@ -335,7 +337,7 @@ class Drive(DescribedSystem):
 def merge(base: Plain, changes: Plain) -> Plain:
     """Apply changes to base values, table by table.
 
-    A change removes the keys that it excludes, such as another size of the valve or parameters of another friction law.
+    A new size of the valve removes its other sizes. Another friction law removes the parameters of the old law.
     """
     kept = dict(base)
     for table, own in changes.items():

@@ -25,15 +25,15 @@ FLOW = (RATIO, "subsonic_index")
 def component_kinds() -> MappingProxyType[str, Plain]:
     """Return the core's entry of each kind of component, by name.
 
-    Each is a dict with title, doc, sources, ports, parameters, choices, friction, inputs and outputs.
+    Each entry is a dict with title, doc, sources, ports, parameters, choices, friction, inputs and outputs.
     """
     return MappingProxyType({entry["kind"]: dict(entry) for entry in _core.components()})
 
 
 def is_needed(parameter: Keyed, given: Keyed | None = None) -> bool:
-    """Return whether a description must give a parameter: it has no default and does not follow from others.
+    """Return whether a description must give a parameter: it has no default and is not derived from other parameters.
 
-    Some parameters are needed unless another key or choice is given. They count as not needed if `given` is missing.
+    Some parameters are needed unless another key or choice is given. Without `given`, the result for them is False.
     """
     if parameter["within"] or not is_bare(parameter):
         return False
@@ -44,7 +44,7 @@ def is_needed(parameter: Keyed, given: Keyed | None = None) -> bool:
 
 
 def acts(parameter: Keyed, given: Keyed) -> bool:
-    """Return whether a parameter has an effect with these numbers and choices."""
+    """Return whether a parameter has an effect, if `given` has the other numbers and the choices."""
     key, equals, option = parameter["only"].partition(" = ")
     if key.startswith("no "):
         return given.get(key.removeprefix("no ")) is None
@@ -52,7 +52,7 @@ def acts(parameter: Keyed, given: Keyed) -> bool:
 
 
 def is_bare(parameter: Keyed) -> bool:
-    """Return whether a parameter has no default and does not follow from others."""
+    """Return whether a parameter has no default and is not derived from other parameters."""
     return parameter["default"] is None and not parameter["follows"]
 
 

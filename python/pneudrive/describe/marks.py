@@ -47,13 +47,13 @@ class Bounds:
 
     @property
     def ends(self) -> Interval:
-        """Lower and upper end, open or closed; infinite without a bound."""
+        """Lower and upper bound, whether open or closed; infinite without a bound."""
         low = self.above if self.at_least is None else self.at_least
         high = self.below if self.at_most is None else self.at_most
         return (-math.inf if low is None else low), (math.inf if high is None else high)
 
     def beyond(self, given: object, value: float) -> None:
-        """Raise `DescriptionError` for a value beyond the named bound."""
+        """Raise `DescriptionError` if a value exceeds the bound of `pneudrive.files.bounds` that `bound` names."""
         assert self.bound is not None
         within(self.bound, value, f'"{given}" is out of bounds', DescriptionError)
 
@@ -398,7 +398,10 @@ class PressureBetween(StatedPressure):
 
 
 def absolute_above_vacuum(pressure: Pressure, ambient_pa: float, key: str, what: str | None = None) -> float:
-    """Return an absolute pressure in Pa, or raise the error of its key. `what` names the value in the message."""
+    """Convert a pressure to absolute pressure in Pa, and reject a pressure that is not above vacuum.
+
+    The error has the key `key`, and `what` names the value in the message.
+    """
     absolute_pa = pressure.absolute_pa(ambient_pa)
     if not absolute_pa > 0.0:
         raise wrong(key, f"{what or key} is below vacuum", rule="gauge pressure + ambient pressure > 0")
@@ -436,7 +439,7 @@ class PureNumber(Quantity):
         return super().read(given)
 
     def schema(self) -> Plain:
-        """Return the JSON schema of both forms."""
+        """Return the JSON schema of a number or a percentage."""
         number = super().schema()
         return {"anyOf": [number, {"type": "string", "pattern": r"^\S+\s*%$"}]}
 
@@ -448,8 +451,8 @@ class PointRows(Quantity):
     Parameters
     ----------
     columns : tuple
-        Key, annotation and default of each column; no default (None) for a required column. Values of the first column
-        must increase.
+        Key, annotation and default of each column. The default is None for a required column. Values of the first
+        column must increase.
     most : int
         Largest number of points.
     """

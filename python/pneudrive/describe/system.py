@@ -95,7 +95,7 @@ class System(NamedTuple):
 
 
 def compiled(core_json: str, names: ShortNames | None = None) -> _core.Circuit:
-    """Return the core's circuit for its form; see `System.compiled`."""
+    """Return the core's circuit for a circuit in the core's form; see `System.compiled`."""
     return System(core_json, names).compiled()
 
 
@@ -106,7 +106,7 @@ def core_part(name: str, kind: str, table: Keyed, **more: object) -> Plain:
 
 
 def short_name(name: str, piston: str = PISTON) -> str:
-    """Return the drive's name for a variable of its circuit. A name without such a drive name stays unchanged.
+    """Return the drive's name for a variable of its circuit. A variable without a drive name keeps its name.
 
     Examples
     --------
@@ -136,7 +136,7 @@ class DescribedSystem(DescribedFile):
     ambient: Ambient = Ambient()
 
     def model_copy(self, *, update: Any = None, deep: bool = False) -> Self:  # noqa: ANN401 - pydantic's signature
-        """Copy without derived values, because `update` may make them wrong."""
+        """Return a copy without the cached values, because `update` may make them wrong."""
         copy = super().model_copy(update=update, deep=deep)
         for name in self.derived:
             vars(copy).pop(name, None)
@@ -161,7 +161,7 @@ class DescribedSystem(DescribedFile):
 
     @cached_property
     def assumptions(self) -> list[tuple[str, str]]:
-        """Assumptions as (text, name), with ``{}`` in the text for the name of the component or joint."""
+        """Assumptions as pairs (text, name). The name of the component or joint replaces ``{}`` in the text."""
         raise NotImplementedError
 
     def assumed(self) -> list[str]:
@@ -178,9 +178,9 @@ class DescribedSystem(DescribedFile):
         Parameters
         ----------
         initial : Initial, dict or str, optional
-            As for `pneudrive.simulate`: start values that differ from those of the description, for a drive
-            ``"position = 50 mm"``, for a circuit ``{"left.position": "20 mm"}`` or
-            ``"left.position = 20 mm, tank = 5 bar abs"``. Valves are closed until the session's first command.
+            Start values that differ from those of the description. For a drive: ``"position = 50 mm"``. For a circuit:
+            ``{"left.position": "20 mm"}`` or ``"left.position = 20 mm, tank = 5 bar abs"``. Valves are closed until the
+            session's first command.
         rtol : float
             Relative tolerance of the solver.
 

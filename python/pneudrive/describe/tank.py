@@ -32,9 +32,10 @@ LEAK_RATIO = 0.2
 class FixedVolume(Described):
     """Fixed volume with the heat transfer and leakage of its wall.
 
-    The heat flow through the whole wall is `heat_transfer` times the difference of temperatures: 0 is adiabatic, a
-    large value isothermal. `leakage` is the sonic conductance of the leak into the ambient air; its critical pressure
-    ratio is assumed to be 0.2. Wall and gas have ambient temperature at the start of a recording by default.
+    The heat flow through the whole wall is `heat_transfer` times the temperature difference between wall and gas: 0 is
+    adiabatic, a large value isothermal. `leakage` is the sonic conductance of the leak into the ambient air; its
+    critical pressure ratio is assumed to be 0.2. By default, the wall has ambient temperature, and the gas starts at
+    the temperature of the wall.
     """
 
     volume_m3: Annotated[float, marks.Quantity("m^3", "dm3", marks.POSITIVE)] = Field(alias="value")
@@ -47,7 +48,7 @@ class FixedVolume(Described):
 class TankLine(Described):
     """Flow path between the volume and gas of constant pressure: a nozzle, a tube, a valve (ISO 6358).
 
-    `pressure` and `temperature` belong to the side away from the volume. Default: ambient.
+    `pressure` and `temperature` are those of the gas on the side away from the volume. The default is ambient air.
     """
 
     conductance_m3_s_pa: Annotated[float, marks.Quantity("m^3/(s Pa)", "dm3/(s bar)", marks.POSITIVE)]

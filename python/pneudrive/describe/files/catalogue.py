@@ -40,7 +40,10 @@ _own: ContextVar[tuple[Path, ...]] = ContextVar("folders of the user's catalogue
 
 
 def _values(given: object) -> tuple[Value, ...]:
-    """Read values with their origin, in tables of any depth. A friction law in one value gives its origin to each."""
+    """Read values with their origins, in tables of any depth.
+
+    If one value is a friction table, each parameter in the table gets the origin of this value.
+    """
     if not isinstance(given, dict):
         raise DescriptionError(f"{given!r} is not a table")
     problems, origins = Problems(), {"value", "source", "assumed"}
@@ -58,8 +61,8 @@ def _values(given: object) -> tuple[Value, ...]:
 class Entry(Described):
     """Part or drive of the catalogue.
 
-    `kind` is "drive", or the part's kind of component. `parts` names the part for each table of a drive. `printed` has
-    data of the source that the model does not use.
+    `kind` is "drive", or the part's kind of component. `parts` names the part for each table of a drive. `printed`
+    contains data of the source that the model does not use.
     """
 
     name: str
@@ -187,7 +190,7 @@ def entry(name: str, what: str = "", key: str = "") -> Entry:
 
 
 def all_values(found: Entry) -> list[Value]:
-    """Return the values of a part, or of a drive and its parts by keys of the drive file."""
+    """Return the values of a part, or those of a drive and its parts with their keys in the drive file."""
     out = {}
     for table, name in found.parts.items():
         for v in entry(name).values:
@@ -270,7 +273,7 @@ class _Parts(_Sources):
 
 @lru_cache(maxsize=512)
 def _read(path: Path, _changed: int) -> tuple[Entry, ...]:
-    """Read a file of the catalogue, again when its time of change is another one."""
+    """Read a file of the catalogue. The result is cached until the modification time of the file changes."""
     tables, text = toml.read(path)
     problems = Problems()
     with toml.locating(path, text):
@@ -299,7 +302,7 @@ def _sourced(entry: Entry, at: str, sources: Mapping[str, SourceTable]) -> Entry
 
 
 def _source(key: str | None, sources: Mapping[str, SourceTable], where: str) -> str | None:
-    """Return a key of references.bib unchanged, and a source of the file in words."""
+    """Return the key of a source in references.bib unchanged, or a source of [sources] in words."""
     if key is None or key in references():
         return key
     if key not in sources:
@@ -362,7 +365,7 @@ def find_parts(
 
 
 def _fits(entry: Entry, key: str, unit: str, low: float, high: float) -> bool:
-    """Return whether a size of a part is in a range. Any stroke fits a cylinder whose data sheet gives none."""
+    """Return whether a size of a part is in a range. A cylinder whose data sheet states no stroke fits any range."""
     own = {value.key: value for value in entry.values}
     if key == "stroke" and entry.kind.startswith("cylinder/") and (key not in own or own[key].source is None):
         return True

@@ -39,13 +39,13 @@ def load_described(source: str) -> Drive | Circuit:
 
 
 def described_in(text: str, path: Path, allow: Callable[[Plain], object]) -> Drive | Circuit:
-    """Read the text of a drive file or a circuit file that need not be saved.
+    """Read a drive or a circuit from the text of its file. The file need not exist.
 
     Parameters
     ----------
     text : str
     path : Path
-        Name of the file in messages. Custom friction laws are relative to its folder.
+        Name of the file in messages. Files of custom laws and formulas are relative to its folder.
     allow : callable
         Called with the tables before any other file is read. It may reject the tables with an error.
 

@@ -32,9 +32,10 @@ _PAIR = {"type": "array", "items": {"type": ["string", "number"]}, "minItems": 2
 class Origin(Described):
     """Origin of one value.
 
-    `interval` holds two quantities, and `confidence` its coverage probability. `source` names the recordings. `fit` is
-    the hash of the fit, and `file` the file of the fit. `model_error` is the lower limit of the model error, if known.
-    `correlation` has the correlations with the errors of other values, by name.
+    `interval` holds both ends of a confidence interval, and `confidence` its coverage probability. `source` names the
+    recordings. `fit` is the hash of the fit, and `file` the file of the fit. `model_error` is the lower limit of the
+    model error, if known. `correlation` holds the correlation between the error of this value and that of each other
+    value, by name.
     """
 
     table_name: ClassVar[str] = "provenance"

@@ -295,9 +295,9 @@ def write(tables: Plain) -> str:
 
 
 def blocks(tables: Plain, name: str = "", inline: int = 0) -> list[str]:
-    """Write a table, then its inner tables of more than `inline` levels as separate tables.
+    """Return a table as blocks of TOML text. Inner tables of more than `inline` levels become separate blocks.
 
-    Within such a separate table, inner tables of at most two levels are written inline if `inline` is 0.
+    If `inline` is 0, inner tables of at most two levels are written inline within a separate block.
     """
     deep = {key: value for key, value in tables.items() if _depth(value) > inline}
     body = [f"{key_text(key)} = {value_text(value)}" for key, value in tables.items() if key not in deep]

@@ -60,19 +60,19 @@ class FrictionLaw(written.Written):
         Formula of the friction force in N, positive if it opposes v > 0. The rate of state ``z`` is ``z_rate``.
     parameters : dict
         Name -> ``{"unit": "N", "above": 0, "default": ..., "meaning": "..."}``. Bounds are ``above``, ``at_least``,
-        ``below`` and ``at_most``. Bounds and default are numbers in that SI unit, or quantities with a unit.
+        ``below`` and ``at_most``. Bounds and default are numbers in the SI unit ``unit``, or quantities with a unit.
     states : dict
         Name -> ``{"unit": "m", "scale": "1 mm", "rate": "v - ..."}``. States start at 0.
     let : dict
-        Name -> formula, evaluated in this order.
+        Name -> formula of an intermediate value. The formulas are evaluated in this order.
     levels : dict
         Names of the parameters with the roles ``coulomb``, ``breakaway`` and ``viscous``. Modifiers act on these
-        parameters. By default, the parameters have these names.
+        parameters. By default, these are the parameters that have the names of the roles.
     energy, slip, steady : str, optional
         Formulas of the energy stored in the states in J, of the rate of irreversible slip in m/s, and of the force in
         steady sliding in N.
     odd : bool
-        Whether the force is an odd function of v and all states. This is checked.
+        Whether the force is an odd function of v and all states. The core checks this.
     title, source : str
         Title, and source: a key of references.bib or free text.
 
@@ -120,7 +120,7 @@ class FrictionLaw(written.Written):
         Raises
         ------
         DescriptionError
-            As for `load`, without the file.
+            As for `load`, but the message does not name the file.
         """
         return cls.model_validate(cls.from_tables(tables, OUTPUTS, "N"))
 
@@ -130,7 +130,7 @@ class FrictionLaw(written.Written):
         return written.core_entry("formula_law", OUTPUTS, json.dumps(self.core()))
 
     def core(self) -> Plain:
-        """Return the law in the core's form, in SI, if a friction table allows its parameters and levels."""
+        """Return the law in the core's form, in SI. Names that a friction table does not allow raise an error."""
         for key in _TAKEN:
             if key in self.parameters:
                 raise invalid(f"parameters.{key}", "describe.key-of-friction", key=key)

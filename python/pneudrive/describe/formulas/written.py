@@ -38,7 +38,7 @@ def _unit(given: object) -> str:
 
 
 class WrittenParameter(Described):
-    """Parameter of formulas: unit, bounds and default. Numbers are in that unit."""
+    """Parameter of formulas: unit, bounds and default. Bounds and default without a unit are in that unit."""
 
     unit: Annotated[str, Reads(_unit)] = Field(examples=["N"])
     above: Any = None
@@ -49,7 +49,7 @@ class WrittenParameter(Described):
     meaning: Text = ""
 
     def number(self, key: str, given: object) -> float | None:
-        """Return the value of a key in SI."""
+        """Return a bound or the default in SI, from a number or a quantity. Errors have the key `key`."""
         if given is None:
             return None
         if isinstance(given, bool) or not isinstance(given, int | float | str):
@@ -67,7 +67,7 @@ class WrittenParameter(Described):
 
 
 def core_of(table: str, key: str, about: object, kind: type[WrittenParameter] = WrittenParameter) -> Plain:
-    """Return an entry of a table, a parameter or a state, in the core's form."""
+    """Return a parameter or a state, which is an entry of a table, in the core's form."""
     try:
         return {"key": key} | kind.model_validate(about).core()
     except DescriptionError as error:
@@ -194,7 +194,7 @@ def read_file(
     Parameters
     ----------
     table : object
-        Table as read.
+        Table, as read from its file.
     slot : str
         Key of the entry that names the formula file.
     key : str
@@ -220,7 +220,9 @@ def read_file(
 
 @lru_cache(maxsize=256)
 def core_entry(read: str, outputs: tuple[str, ...], *texts: str) -> Plain:
-    """Return the core's entry of formulas. `read` is the name of the core's function, `outputs` are keys of [output].
+    """Return the entry that the core makes from formulas.
+
+    `read` names the function of the core that reads the formulas, and `outputs` are the possible keys of [output].
 
     Raises
     ------

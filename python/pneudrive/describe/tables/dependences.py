@@ -25,7 +25,7 @@ class Acting(Described):
     """Table of a friction modifier."""
 
     def core(self) -> Plain:
-        """Return the table in the core's form: SI values, one for each chamber and each entry of a list."""
+        """Return the table in the core's form, in SI. Values for each chamber have the keys ``KEY_a`` and ``KEY_b``."""
         out: Plain = {}
         for name, field in type(self).model_fields.items():
             value, key = getattr(self, name), field.alias or name
@@ -39,7 +39,7 @@ class Acting(Described):
 
 
 class SealPressure(Acting):
-    """Pressure dependence of friction, for any law: additional friction in N per Pa gauge pressure of each chamber."""
+    """Pressure dependence of friction, for any law: additional friction per gauge pressure in each chamber, N/Pa."""
 
     table_name: ClassVar[str] = "friction.pressure"
     coulomb_n_pa: Annotated[PerChamber, EachChamber("N/Pa", "N/bar")] = PerChamber(0.0, 0.0)
@@ -93,9 +93,9 @@ class PositionPoint(Acting):
 
 
 class PositionDependence(Acting):
-    """Friction along the stroke, for any law: amplitudes times [1 + slope (x - reference) + harmonics] times a table.
+    """Friction along the stroke, for any law: factor [1 + slope (x - reference) + harmonics] times a tabulated one.
 
-    The factor of the table is a monotone cubic between its points, and constant beyond them.
+    The tabulated factor is interpolated between its points by a monotone cubic. Beyond them, it is constant.
     """
 
     table_name: ClassVar[str] = "friction.position"
@@ -165,7 +165,10 @@ class TemperatureDependence(Acting):
 
 
 class Wear(Acting):
-    """Friction over the slid distance s, for any law: factor 1 + run_in exp(-s/run_in_distance) + rate s."""
+    """Friction that changes with the sliding distance s, for any law.
+
+    The factor is 1 + run_in exp(-s/run_in_distance) + rate s.
+    """
 
     table_name: ClassVar[str] = "friction.wear"
     run_in: Annotated[float, Quantity("", bounds=Bounds(above=-1.0))] = 0.0

@@ -37,9 +37,9 @@ class Derived:
     sources : tuple of str
         Paths of the values on which it depends. These may also be derived.
     value : callable
-        Function of the sources' values in SI.
+        Function that returns the derived value, from the values of `sources` in SI.
     digits : int or None
-        Significant digits of the value in a description.
+        Number of significant digits to which a description rounds the value. None: not rounded.
     """
 
     name: str

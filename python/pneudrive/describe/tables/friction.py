@@ -29,15 +29,16 @@ if TYPE_CHECKING:
 def friction_laws() -> MappingProxyType[str, Plain]:
     """Return the core's friction laws by name.
 
-    Each is a dict with title, source, states and parameters (key, unit, bounds, default, meaning).
+    Each law is a dict with title, source, states and parameters (key, unit, bounds, default, meaning).
     """
     return MappingProxyType({law["name"]: law for law in _core.friction_laws()})
 
 
 def options_of(entry: Keyed) -> dict[str, bool]:
-    """Return whether a law, given by its entry, takes each of the options that only some laws take.
+    """Return whether a law has each of the options that only some laws have.
 
-    A Stribeck curve has a selectable shape. Elastic bristles can relax.
+    `entry` is the law in the form of `friction_laws`. The options are ``stribeck_shape``, ``elements``, ``evolution``,
+    and ``relaxation`` for laws with bristles.
     """
     is_built_in, keys = entry["name"] in friction_laws(), {p["key"] for p in entry["parameters"]}
     own = {"stribeck_shape": is_built_in and "stribeck_exponent" in keys, "elements": entry["elements"]}
@@ -45,7 +46,7 @@ def options_of(entry: Keyed) -> dict[str, bool]:
 
 
 def laws_with(option: str) -> list[str]:
-    """Return the names of the core's laws that take an option."""
+    """Return the names of the core's laws that have an option."""
     return [name for name, entry in friction_laws().items() if options_of(entry)[option]]
 
 
@@ -104,7 +105,7 @@ def _as_assumed(value: float) -> float:
 
 
 def _following(known: NamedNumbers) -> NamedNumbers:
-    """Return the parameters of `_FOLLOWS`: known values, and otherwise derived values."""
+    """Return the parameters of `_FOLLOWS`. Those that are not in `known` are derived from other parameters."""
     out = dict(known)
     for key, (sources, value) in _FOLLOWS.items():
         if key not in out and (key != "damping_fade_velocity" or out["bristle_damping"] > 0.0):
@@ -113,9 +114,9 @@ def _following(known: NamedNumbers) -> NamedNumbers:
 
 
 def assumed_from(friction: Friction) -> dict[str, tuple[tuple[str, ...], Callable[..., float]]]:
-    """Return the parameters that have their assumed value, with sources and rule of each.
+    """Return the parameters that have their assumed values. Each has the keys of its sources, and its formula.
 
-    A parameter is treated as assumed if it has the value of its rule. A file may therefore contain assumed values.
+    A parameter counts as assumed if its value agrees with this formula, even if the file states the value.
     """
     if friction.law != DEFAULT_LAW:
         return {}
@@ -141,7 +142,7 @@ def assumed_with(friction: Friction, changed: NamedNumbers) -> NamedNumbers:
 
 
 def by_default(data: Plain) -> tuple[Plain, Plain]:
-    """Complete a friction table without a law by `DEFAULT_LAW` and assumed parameters.
+    """Add `DEFAULT_LAW` and assumed parameters to a friction table that names no law.
 
     Parameters
     ----------
@@ -151,8 +152,8 @@ def by_default(data: Plain) -> tuple[Plain, Plain]:
     Returns
     -------
     tuple of dict
-        The table with law, stribeck_velocity, viscous, bristle_stiffness, bristle_damping and damping_fade_velocity;
-        and its assumed entries.
+        The table with the keys law, stribeck_velocity, viscous, bristle_stiffness, bristle_damping and
+        damping_fade_velocity, and a table of the assumed entries only.
 
     Warns
     -----
@@ -180,11 +181,11 @@ def by_default(data: Plain) -> tuple[Plain, Plain]:
 class Friction(Described):
     """Friction law with its parameters and modifiers.
 
-    Parameters are keys, ``Friction(law="stribeck", coulomb="30 N", ...)``, and attributes: ``friction.coulomb`` shows
-    ``30 N``. `parameters` holds their plain SI values, including defaults of the law. `law` is a law of the core, a
-    `FrictionLaw`, or ``file:my_law.toml``; for a custom law, `formula` is the law itself. Without a law, `DEFAULT_LAW`
-    is used. Its parameters other than Coulomb and breakaway force are then assumed, with a `PneudriveWarning`, and
-    `assumed` lists these parameters.
+    Each parameter is an argument, ``Friction(law="stribeck", coulomb="30 N", ...)``, and an attribute:
+    ``friction.coulomb`` shows ``30 N``. `parameters` holds their plain SI values, including defaults of the law. `law`
+    is a law of the core, a `FrictionLaw`, or ``file:my_law.toml``. For a custom law, `formula` is the `FrictionLaw`. If
+    the table names no law, it gets `DEFAULT_LAW`. Missing parameters other than Coulomb and breakaway force are then
+    assumed. A `PneudriveWarning` states them, and `assumed` lists them.
     """
 
     table_name: ClassVar[str] = "friction"
@@ -269,7 +270,7 @@ class Friction(Described):
 
     @property
     def note(self) -> str:
-        """Warning for a table without a law, without the name of the table; empty for a table with a law."""
+        """Warning that the table names no law, to follow the name of the table. Empty if the table names a law."""
         listed = ", ".join(f"{key} = {value}" for key, value in self.assumed)
         return f"names no law; assumed: {listed}" if listed else ""
 
@@ -324,7 +325,7 @@ class Friction(Described):
         return friction_laws()[self.law] if self.formula is None else self.formula.entry
 
     def _given(self, keys: Iterable[str]) -> Plain:
-        """Return those of the choices or modifiers `keys` that are given."""
+        """Return the choices or modifiers in `keys` that the table gives, by key."""
         return {key: value for key in keys if (value := getattr(self, key)) not in (None, ())}
 
     def core(self) -> Plain:
@@ -342,7 +343,7 @@ class Friction(Described):
         return out if self.formula is None else out | {"law": self.formula.to_dict()}
 
     def entries(self) -> Iterator[tuple[str, Any, Quantity | StatedPressure | None]]:
-        """Yield the law and its choices, its elements and parameters, then its modifiers."""
+        """Yield key, value and annotation of the law, then of its choices, parameters and modifiers."""
         yield "law", self.law, None
         yield from ((key, value, None) for key, value in self._given(CHOICES).items())
         marks = parameter_quantities(self.entry)

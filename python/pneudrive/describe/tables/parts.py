@@ -34,9 +34,9 @@ CAPACITY_CELSIUS: list[float] = _TABLE["capacity_celsius"]
 
 
 def anr_density_kg_m3(heat_capacity_ratio: float, gas_constant: float) -> float:
-    """Return the density of a gas in kg/m3 at the standard reference atmosphere. Air is humid in this state.
+    """Return the density of a gas in kg/m3 at the standard reference atmosphere, in which air is humid.
 
-    The core's conductances refer to the same densities.
+    Conductances in the core refer to the same densities.
     """
     if (heat_capacity_ratio, gas_constant) == (AIR_HEAT_CAPACITY_RATIO, AIR_GAS_CONSTANT_J_KG_K):
         return constants.ANR_DENSITY_KG_M3
@@ -49,8 +49,8 @@ class Gas(Described):
     `model` is "ideal", or "virial" with the second virial coefficient.
 
     `dew_point` is the pressure dew point of the supplied gas; below 0 degC, it is the frost point. It refers to
-    `dew_point_pressure`, by default the supply pressure. It does not change the simulation: a run only warns if water
-    may condense or freeze.
+    `dew_point_pressure`, by default the supply pressure. The dew point does not change the simulation: a run only warns
+    if water may condense or freeze.
     """
 
     table_name: ClassVar[str] = "gas"
@@ -103,7 +103,7 @@ class Gas(Described):
         return out | {"virial": {"a_m3_kg": a * per_kg, "b_m3_kg": b * per_kg, "c_k": c}}
 
     def dew_point_pressure_pa(self, ambient_pa: float, supply_pa: float | None) -> float | None:
-        """Return the absolute pressure in Pa at which the dew point is given; None without a dew point.
+        """Return the absolute pressure in Pa to which the dew point refers; None without a dew point.
 
         Raises
         ------
@@ -150,7 +150,7 @@ class Supply(Described):
 
 
 class _DrivePart(Described):
-    """Table of a drive file that has fewer kinds than the components of circuits."""
+    """Table of a drive file that accepts fewer kinds than the same component of a circuit."""
 
     @model_validator(mode="before")
     @classmethod
@@ -189,8 +189,8 @@ def assumed_stops(prefix: str, given: Collection[str], stops: tuple[Sequence[flo
     given : collection of str
         Keys that the description gives: ``"stiffness"``, ``"damping"``, ``"damping_depth"``.
     stops : tuple
-        End stops (stiffness N/m, damping N s/m, damping depth m) and their load cases (mass kg, speed m/s, force N,
-        depth of the force m), as the core returns them.
+        End stop (stiffness N/m, damping N s/m, damping depth m), and the load for which the core designs it (mass kg,
+        speed m/s, force N, stopping distance m), as the core returns them.
 
     Returns
     -------
@@ -213,7 +213,7 @@ _ELSEWHERE = package_table(__file__, "elsewhere.toml")
 
 
 def _elsewhere(table: str) -> dict[str, str]:
-    """Return keys that belong to circuits or have another name, each with a remedy."""
+    """Return the keys that a table of a drive file does not accept, each with a remedy."""
     return {key: text.format(opened=_ELSEWHERE["opened"]) for key, text in _ELSEWHERE[table].items()}
 
 
@@ -224,9 +224,9 @@ class Cylinder(_DrivePart):
     is assumed to be 0.2.
 
     The heat transfer to the walls follows from a law [woodfield2007, geankoplis1993]. `heat_transfer_scale` multiplies
-    the law, which is accurate to a factor of 2. `port_diameter` is the bore of the ports. The default is the bore of a
-    nozzle with the conductance of the valve. A stated `heat_transfer` is a constant coefficient that replaces the law.
-    The dead volumes then have no wall.
+    the law, which is accurate to a factor of 2. `port_diameter` is the bore of the ports. By default, it is the bore of
+    a nozzle with the conductance of the valve. A stated `heat_transfer` is a constant coefficient that replaces the
+    law. With a stated coefficient, the dead volumes have no wall.
     """
 
     table_name: ClassVar[str] = "cylinder"
@@ -282,7 +282,7 @@ class FlowCoefficient(Quantity):
         return super().read(given)
 
     def schema(self) -> Plain:
-        """Return the JSON schema of both forms."""
+        """Return the JSON schema of a number, with or without the name of the coefficient."""
         own = "Kv|m3/h" if self.written == "Kv" else "Cv"
         number = super().schema()
         return {"anyOf": [number, {"type": "string", "pattern": rf"^\S+\s+({own})$"}]}
@@ -296,12 +296,12 @@ class Valve(_DrivePart):
 
     A command u > 0 connects the supply to a and b to the exhaust, with the fraction u of the conductance. A command u <
     0 connects the supply to b and a to the exhaust. A valve of kind "switching-5/3" has the commands -1, 0 and 1 only.
-    `time_on` and `time_off` are its times from the command to the middle of the travel. `command` is the range of the
-    electrical input, for commands in V or mA; its ends are u = -1 and 1. `overlap` is the fraction of the command up to
-    which an edge stays closed, negative for an edge that is open in the centre. `leakage` is the fraction of the
-    conductance that leaks past each edge in the centre. The size is given in exactly one way: conductance C (ISO 6358),
-    nominal_flow (6 to 5 bar gauge), kv or cv.
-    `pneudrive.describe.tables.valve_flow` states the assumptions of each conversion.
+    `time_on` and `time_off` are its times from the command to the middle of the spool's travel. `command` is the range
+    of the electrical input, for commands in V or mA; its ends are u = -1 and 1. `overlap` is the magnitude of u up to
+    which an edge stays closed. It is negative if the edges are open in the centre. `leakage` is the conductance of each
+    edge in the centre, as a fraction of the conductance at full opening. The size is given in exactly one way:
+    conductance C (ISO 6358), nominal_flow (6 to 5 bar gauge), kv or cv. `pneudrive.describe.tables.valve_flow` states
+    the assumptions of each conversion.
     """
 
     table_name: ClassVar[str] = "valve"
@@ -385,7 +385,7 @@ class Load(Described):
 class Initial(Described):
     """State at the start of a run.
 
-    Defaults: mid stroke, at rest, ambient pressure and temperature, bristles undeflected, a fresh contact.
+    The defaults are mid stroke, rest, ambient pressure and temperature, undeflected bristles, and contact age zero.
     `contact_age` is the age of the contact, for friction that grows with this age.
     """
 

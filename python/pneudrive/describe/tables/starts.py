@@ -37,7 +37,7 @@ _LENGTH, _ANGLE = Quantity("m", "mm"), Quantity("rad", "deg")
 
 
 def coordinate_keys(platform: Platform) -> list[str]:
-    """Return the coordinates as users write them: heave, tilt_1, x."""
+    """Return the names of the coordinates as users write them, such as heave, tilt_1 and x."""
     return [name.removesuffix(_METRES) for name in platform.coordinates]
 
 
@@ -47,7 +47,7 @@ def is_length(platform: Platform) -> list[bool]:
 
 
 def coordinates(platform: Platform, pose: Array) -> Array:
-    """Convert displacements (m) and angles (rad) to coordinates of the core. A coordinate e is a tilt of 2 asin(e).
+    """Convert displacements (m) and angles (rad) to coordinates of the core, which has e = sin(angle/2) for an angle.
 
     Parameters
     ----------
@@ -64,7 +64,7 @@ def angles(platform: Platform, q: Array) -> Array:
 
 
 def start_place(initial: Keyed, name: str) -> NamedNumbers:
-    """Read the coordinates of a platform from a start table, in the core's form. Invalid values are left out."""
+    """Read the start coordinates x, y and z of a platform, in the core's form. Invalid values are left out."""
     given, found = dict(leaves(initial)), {}
     for axis in filter(lambda axis: f"{name}.{axis}" in given, "xyz"):
         with suppress(DescriptionError):  # the start itself names a wrong value
@@ -80,7 +80,7 @@ def pose_text(platform: Platform, pose: Array) -> str:
 
 
 def singular_values(platform: Platform, q: Array) -> Array:
-    """Return the singular values of the pose Jacobian at each row of core coordinates, largest first.
+    """Return the singular values of the pose Jacobian for each row of the core's coordinates `q`, largest first.
 
     The angular velocity in the twist is multiplied by the mean radius of the joints. The values therefore have no unit.
     """
@@ -134,7 +134,7 @@ class Starts:
                 self._place(of)
 
     def _place(self, of: str) -> None:
-        """Find the joint to which a start value of gas applies, and add the names of all ports of the joint."""
+        """Find the joint to which a start pressure applies, and accept the names of all ports of the joint for it."""
         for port, joint in self.wiring.at.items():
             if of == port.id or (of == port.component and port.holds == "volume"):
                 self.places[of] = joint
@@ -155,7 +155,7 @@ class Starts:
         Raises
         ------
         DescriptionError
-            A key is unknown, or a value does not fit.
+            A key is unknown, or a value is out of bounds or has another dimension.
         """
         tables, problems = [list(leaves(table)) for table in given], Problems()
         known: NamedNumbers = {}
@@ -211,14 +211,14 @@ class Starts:
             poses[name] = poses.get(name, {}) | pose
 
     def _legs_in(self, platform: Platform, given: Mapping[int, float]) -> NamedNumbers:
-        """Return the positions of the legs in a pose, in m, by name of the start value.
+        """Return the positions of the legs in a pose, in m, by name of their start values.
 
         Coordinates that are not given follow from the default positions of the legs.
 
         Raises
         ------
         DescriptionError
-            A leg would leave its stroke.
+            A leg would leave its stroke, or its arm does not reach the pose.
         """
         q, _ = platform.locate(np.array([[self._moved(leg, POSITION, {}) for leg in platform.legs]]))
         pose = angles(platform, np.asarray(q)[0])
@@ -258,14 +258,14 @@ class Starts:
         starts : mapping
             All start values in SI.
         pose_given : mapping
-            Given coordinates in m or rad, by number.
+            Given coordinates in m or rad, by index.
         given : set of str
             Keys of the start values that a user has given.
 
         Raises
         ------
         DescriptionError
-            No pose has these positions, or the pose is singular.
+            No pose has the start positions of the legs, they also fit another pose, or the pose is singular.
         """
         own = [f"{leg}.position" for leg in platform.legs]
         own += [key for key, (guide, _) in self.coordinates.items() if guide is platform]
@@ -319,7 +319,7 @@ class Starts:
         return 0.5 * (self._stroke(of) or 0.0) if last == POSITION else 0.0
 
     def _moved(self, of: str, last: str, known: NamedNumbers) -> float:
-        """Return position or velocity of a mass.
+        """Return the start position or velocity of a mass.
 
         A mass without a stroke moves like the mass to which it is coupled.
         """
@@ -331,7 +331,7 @@ class Starts:
         return self._otherwise(of, last)
 
     def _moves_with(self, of: str) -> Iterator[str]:
-        """Yield a component or a port, and the components coupled with it. A platform does not couple components."""
+        """Yield a component or a port, then the components that move with it. The search ends at platforms."""
         found = [of]
         for name in found:  # grows during the loop
             yield name
@@ -342,7 +342,7 @@ class Starts:
                 found += [one.component for one in joint.ports if one.component not in found] if joint else []
 
     def _pressure(self, of: str, known: NamedNumbers, notes: list[str]) -> float:
-        """Return the start pressure of gas: the nearest known pressure along paths that are always open, or ambient."""
+        """Return the start pressure of gas in Pa: the nearest known one along permanently open paths, or ambient."""
         always = {name for name, one in self.components.items() if one.entry["open"]}
         found = [self.places[of]] if of in self.places else []
         if not found:  # a cell within a component, reached from its first port: the note of the joint covers it
@@ -373,7 +373,10 @@ def _key(name: str) -> str:
 
 
 def start_mark(last: str) -> tuple[str, Quantity | StatedPressure]:
-    """Return the key and the annotation of a start value by the last part of its name. Other names have no unit."""
+    """Return the key and the annotation of a start value by the last part of its name.
+
+    A name that is not a pressure, temperature, position, velocity or age is that of a number without a unit.
+    """
     return _MARKS.get(last, (last, Quantity("")))
 
 
@@ -435,7 +438,7 @@ def start_table(given: object) -> Keyed:
 
 
 def start_state(start: Initial, stroke_m: Any, ambient_pa: Any, ambient_k: Any) -> Plain:  # noqa: ANN401
-    """Return a start state in SI, with absolute pressures, by the names of a drive. Arrays stand for many drives.
+    """Return a start state in SI, with absolute pressures, by variable. Arrays have one element for each drive.
 
     Parameters
     ----------
@@ -463,7 +466,7 @@ AXES = "xyz"
 
 
 def check_platforms(wiring: Wiring, components: Keyed, problems: Problems) -> None:
-    """Add the errors of platforms to `problems`.
+    """Check the platforms of a circuit, and add their errors to `problems`.
 
     Parameters
     ----------

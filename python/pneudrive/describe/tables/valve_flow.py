@@ -23,8 +23,8 @@ def conductance_from_nominal_flow(flow_m3_s_anr: float, b: float, m: float) -> f
     """Return C in m3/(s Pa) from the flow at 6 bar gauge before and 5 bar gauge after the valve, at 20 degC.
 
     q = C p1 [1 - ((r - b)/(1 - b))^2]^m with p1 = 7 bar, r = 6/7. Gauge pressure and flow both refer to the 100 kPa of
-    the reference atmosphere [iso6358-2013, iso8778-2003]. Catalogues that print C, b and the nominal flow agree within
-    1 l/min [smc-eus11-83].
+    the reference atmosphere [iso6358-2013, iso8778-2003]. Catalogues that print C, b and the nominal flow agree with
+    this formula within 1 l/min [smc-eus11-83].
     """
     upstream, downstream = 6.0 * BAR_PA + constants.ANR_PRESSURE_PA, 5.0 * BAR_PA + constants.ANR_PRESSURE_PA
     return flow_m3_s_anr / (upstream * _core.flow_ratio(downstream / upstream, b, m))
@@ -33,9 +33,9 @@ def conductance_from_nominal_flow(flow_m3_s_anr: float, b: float, m: float) -> f
 def conductance_from_kv(kv_m3_h: float) -> float:
     """Return C in m3/(s Pa) from Kv, the flow of water in m3/h at 1 bar [iec60534-1].
 
-    The effective area is assumed to be the same for water and for choked air: A = Kv sqrt(rho_water / (2 * 1 bar))
-    and C = A psi / (rho_0 sqrt(R T_0)). Kv = 1 m3/h gives 3.9 dm3/(s bar). Printed pairs of Cv and C are between 8 %
-    below and 18 % above this [smc-eus11-83].
+    The effective area is assumed to be the same for water and for choked air: A = Kv sqrt(rho_water / (2 * 1 bar)) and
+    C = A psi / (rho_0 sqrt(R T_0)). Kv = 1 m3/h gives 3.9 dm3/(s bar). In catalogues that print both Cv and C, C is 8 %
+    less to 18 % more than this result [smc-eus11-83].
     """
     area = kv_m3_h / 3600.0 * math.sqrt(WATER_DENSITY_KG_M3 / (2.0 * BAR_PA))
     choked = _core.choked_flow_factor(constants.AIR_HEAT_CAPACITY_RATIO) / math.sqrt(
@@ -78,7 +78,7 @@ def size_given(sizes: Sequence[float | None], keys: Sequence[str], of: str) -> N
 
 
 def check_shape(table: str, critical_pressure_ratio: float, linear_above: float) -> None:
-    """Check that the flow of a path becomes linear only above the critical pressure ratio.
+    """Check that the flow of a path becomes linear at a pressure ratio, `linear_above`, above the critical one.
 
     Raises
     ------
