@@ -205,7 +205,7 @@ def _characterise(reading: CampaignData, choice: SampleChoice) -> CampaignCharac
 
 
 def _loops(reading: CampaignData, points: CurvePoints, choice: SampleChoice) -> tuple[Loop, ...]:
-    """Return friction loops without offset for a slow, a middle and a fast cycle at each of the first conditions."""
+    """Return friction loops without offset, at several speeds of each of the first `SHOWN_CONDITIONS` conditions."""
     files, chosen = {file.cycle.key: file for file in reading.files}, list[int]()
     for index in range(SHOWN_CONDITIONS if files else 0):
         rows = np.flatnonzero((points["curve"] == index) & (points["set_speed_m_s"] > 0))
@@ -264,7 +264,7 @@ Part = tuple[str, dict[str, object], dict[str, Estimate]]
 
 
 def _written(estimates: Mapping[str, Estimate]) -> dict[str, object]:
-    """Return the values as a drive file states them: numbers, or texts with a unit."""
+    """Return the values in the form of a drive file: numbers, or texts with a unit."""
     return {n: round(e.value, 6) if e.unit == "1" else f"{e.value:.6g} {e.unit}" for n, e in estimates.items()}
 
 
@@ -274,7 +274,7 @@ def _written(estimates: Mapping[str, Estimate]) -> dict[str, object]:
 def _direction(
     found: CampaignCharacteristics, viscous_n_s_m: float, levels: tuple[str, str, str], notes: list[str]
 ) -> Iterator[Part]:
-    """Return the factors on the levels in +x and -x: 1 plus or minus half the relative difference of directions."""
+    """Yield the factors on dry friction in +x and -x: 1 plus or minus half the relative difference of directions."""
     own, shares = [one for one in found.asymmetry if one.condition.levels == levels], []
     both = {curve.condition: curve for curve in found.curves if curve.direction == BOTH}
     for one in (one for one in own if one.basis == "tare"):
@@ -301,7 +301,7 @@ def _direction(
 
 
 def _position(found: CampaignCharacteristics, viscous_n_s_m: float, levels: tuple[str, str, str]) -> Iterator[Part]:
-    """Return trend and waves of the levels over position, scaled so that their mean over the common range is 1."""
+    """Yield trend and waves of dry friction over position, scaled so that their mean over the common range is 1."""
     curves = [curve for curve in found.curves if curve.direction == BOTH and curve.condition.levels == levels]
     own = [one for one in found.position if curves and one.levels == curves[0].condition.title]
     if not own:
@@ -368,7 +368,7 @@ def _dwell(age: dwell_law.ContactAge, notes: list[str]) -> Iterator[Part]:
 
 
 def _relaxation(stops: pl.DataFrame, notes: list[str]) -> Iterator[Part]:
-    """Return relaxed fraction and time constant of a held force, if one time constant describes its decay."""
+    """Yield the relaxed fraction and the time constant of a held force, if one time constant describes its decay."""
     import polars as pl
 
     differs = (pl.col("relaxation_n_low") > 0.0) | (pl.col("relaxation_n_high") < 0.0)
@@ -395,7 +395,7 @@ def _relaxation(stops: pl.DataFrame, notes: list[str]) -> Iterator[Part]:
 
 
 def _temperature(found: CampaignCharacteristics, viscous_n_s_m: float) -> Iterator[Part]:
-    """Return the change of friction with temperature, relative to the mean level."""
+    """Yield the change of friction with temperature, relative to the mean dry friction."""
     import polars as pl
 
     per_kelvin = None if found.drift is None else found.drift.per_kelvin

@@ -47,7 +47,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Check:
-    """A property of rig or protocol that both campaigns should share.
+    """A property of rig or protocol that should be equal in both campaigns.
 
     Attributes
     ----------
@@ -123,7 +123,7 @@ class CurveComparison:
     left_out : int
         Number of common points that were not tested.
     several_blocks : bool
-        Whether both campaigns have more than one block: the tests then include differences of blocks.
+        Whether both campaigns have more than one block. The tests then include differences between blocks.
     difference : tuple of Estimate
         Relative difference of friction at each common point.
     mean : Estimate
@@ -145,7 +145,7 @@ class CurveComparison:
 
     @property
     def friction_n(self) -> Array:
-        """Mean friction (2, m) of each campaign at the points."""
+        """Mean friction of each campaign at the points, in N (shape (2, m))."""
         return self.points.select("first_n", "second_n").to_numpy().T
 
 
@@ -210,7 +210,7 @@ def compare_curves(
 
 
 def _scatter(table: pl.DataFrame, blocks: Array) -> Iterator[RandomEffect]:
-    """Yield the random effects of rows of cycles: cycle and drift of each campaign, and their blocks."""
+    """Yield the random effects of the table: scatter of cycles and drift in each campaign, and scatter of blocks."""
     campaign, count, order = (table[name].to_numpy() for name in ("campaign", "count", "order"))
     for k in (0, 1):
         yield RandomEffect(f"cycle {k + 1}", (campaign == k) / count, USUAL)
@@ -256,7 +256,7 @@ def _common_points(both: Both) -> tuple[pl.DataFrame, pl.DataFrame, int]:
 
 
 def _condensed(cycles: pl.DataFrame) -> tuple[pl.DataFrame, Array]:
-    """Return `CurveComparison.cycles`, and the fraction of the cycles of a row that belong to each block."""
+    """Return `CurveComparison.cycles`, and for each row the fraction of its cycles in each block."""
     campaign, point = (cycles[name].to_numpy().astype(np.int64) for name in ("campaign", "point"))
     block = cells(campaign, cycles["block"].to_numpy())
     stretch = block - campaign * block[campaign == 1].min()  # from 0 in each campaign
@@ -273,7 +273,10 @@ def _condensed(cycles: pl.DataFrame) -> tuple[pl.DataFrame, Array]:
 
 
 def _usable(found: CampaignCharacteristics, campaign: int) -> pl.DataFrame:
-    """Return the cycles for F(v): positive friction, both directions, not excluded from the curves."""
+    """Return the cycles used for F(v).
+
+    They have positive friction and both directions, and the curves do not exclude them.
+    """
     reasons, ambient = {why for c in found.curves for why in c.excluded["reason"]}, found.identity.ambient_pressure_pa
     cycles = found.cycles.filter(pl.col("friction_n") > 0.0, pl.col("friction_n", "stderr_n").is_finite())
     cycles = cycles.filter([not reasons.intersection(flags) for flags in cycles["flags"].to_list()])
@@ -398,7 +401,7 @@ def write_comparison(compared: Comparison, path: str | Path) -> Path:
 def _gain(both: Both) -> float:
     """Return the relative uncertainty of the ratio of both force sensors' gains; 0 for the same sensor.
 
-    Simulated sensors differ between seeds.
+    Simulated rigs with different seeds have different sensors.
     """
     a, b = (found.identity for found in both)
     drawn = a.synthetic and both[0].about.get("seed") != both[1].about.get("seed")
@@ -440,7 +443,7 @@ def _tests(both: Both, curves: CurveComparison | None, dwell: Pairs) -> Iterator
 
 
 def _pairs(both: Both) -> Iterator[tuple[DwellSeries, DwellSeries]]:
-    """Return the pairs of stop series with the same restart speed and kind of hold in both campaigns."""
+    """Yield the pairs of stop series with equal restart speed and equal state of the axis (held, released)."""
     single = all(len({series.levels for series in found.dwell}) == 1 for found in both)
     for a, b in product(*(found.dwell for found in both)):
         same = a.released == b.released and abs(a.speed_m_s - b.speed_m_s) < 0.01 * a.speed_m_s
@@ -456,7 +459,7 @@ def _common(a: DwellSeries, b: DwellSeries) -> tuple[Ints, ...]:
 
 
 def _statements(found: Comparison, not_comparable: str) -> Iterator[Statement]:
-    """Return cautions on the tests. `not_comparable` is the reason for missing curves."""
+    """Yield cautions on the tests. `not_comparable` is the reason why the curves were not compared."""
     for check in found.checks:
         if not check.comparable:
             yield say("data.rigs_differ", what=check.what[:1].upper() + check.what[1:], check=check)

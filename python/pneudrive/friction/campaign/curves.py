@@ -1,6 +1,6 @@
 """Curves of friction over speed from the cycles of a campaign, with a band for all sources of uncertainty.
 
-The module also finds effects of air, direction and stick-slip, the zero of the sensor, and the sources of the band.
+The module also finds effects of air, direction and stick-slip, the zero of the sensor, and the sources of uncertainty.
 
 A moving piston pumps air through ports, lines and regulators. The pressure falls in the growing chamber and rises in
 the other chamber. The resulting force opposes the motion like friction and rises with speed. If pressures are measured
@@ -61,13 +61,13 @@ class Fits:
     ----------
     points : CurvePoints
     friction : CurveFit
-        Fit of half the difference of both directions.
+        Fit of friction, which is half the difference of the force balances in +x and -x.
     offset : CurveFit
-        Fit of half the sum, including the zero runs.
+        Fit of the offset, which is half the sum of these balances. Zero runs are included.
     block_kind : str
-        block, day, or "" without groups.
+        Groups with a common deviation: block, day, or "" without groups.
     doubtful : tuple of int
-        Points that are possible outliers: curves average over both cases.
+        Points that are possible outliers. The curves are averages of fits with and without them.
     """
 
     points: CurvePoints
@@ -110,7 +110,7 @@ class Fits:
 
     @property
     def has_zero(self) -> bool:
-        """Whether zero runs show the zero of the force sensor."""
+        """Whether zero runs determine the zero of the force sensor."""
         return bool((self.offset.data.curve < 0).any())
 
 
@@ -184,9 +184,10 @@ def fit_response(fits: Fits, y: Array, stderr: Array, *, drift: bool) -> smooth.
 
 
 def systematic(fits: Fits, friction_n: Array, half_sum_n: Array, condition: int) -> SharedTerms:
-    """Return the uncertainties that all points of a condition share, at this friction and half sum of both directions.
+    """Return the uncertainties that all points of a condition have in common.
 
-    Half the sum is not an uncertainty if zero runs show the zero of the sensor.
+    They refer to `friction_n` and `half_sum_n`, half the difference and half the sum of both directions. If zero runs
+    determine the zero of the sensor, half the sum adds no uncertainty.
     """
     points, pattern = fits.points, fits.points.pattern
     # The common range stands for the whole stroke: relative uncertainty of friction, and that of half the sum, N.
@@ -209,7 +210,7 @@ def systematic(fits: Fits, friction_n: Array, half_sum_n: Array, condition: int)
 
 @dataclass(frozen=True, eq=False)
 class CurveBand:
-    """A curve of half the difference of both directions, with all parts of its band as arrays (m,).
+    """Curve of friction (half the difference of both directions), with all components of its band (shape (m,)).
 
     Attributes
     ----------
@@ -238,7 +239,7 @@ class CurveBand:
 
 
 def curves_of(fits: Fits, *, contains_air: bool) -> tuple[result.Curve, ...]:
-    """Return the curves of all conditions: half the difference of both directions, then +x and -x."""
+    """Return the curves of all conditions: for both directions together (half the difference), for +x and for -x."""
     import polars as pl
 
     points, curves = fits.points, list[result.Curve]()
@@ -302,7 +303,7 @@ def friction_map(
 
 
 def _paired(points: CurvePoints, fits: Fits | None, width_m: float) -> dict[str, np.ndarray]:
-    """Return the map columns, (n, 1) or (n, 2), of cycles with both directions, for bins of width `width_m`."""
+    """Return the map columns of cycles with both directions, for bins of width `width_m` (shape (n, 1) or (n, 2))."""
     friction, offset = points["friction_n"][:, None], points["offset_n"][:, None]
     unknown = np.full(len(points), np.nan)
     # Budget of each cycle: noise and scatter; systematic uncertainty, with the deviation from the mean state of the
@@ -352,7 +353,7 @@ def by_chance(
     """Return the values of a curve and the bounds of the statistical 95 % interval, in N.
 
     Neighbouring speeds and other pressures contribute, so the interval may be narrower than from the cycles at this
-    point alone. `OWN_SHARE` limits this. Between the measured speeds, the number of cycles is interpolated.
+    point alone. `OWN_SHARE` limits this reduction. Between the measured speeds, the number of cycles is interpolated.
     """
     curve = fit.at(number, speed_m_s).predict()
     half = curve.half_width()
@@ -448,7 +449,7 @@ def stick_slip(
 ) -> tuple[tuple[result.StickSlipPoint, ...], tuple[result.StickSlipThreshold, ...]]:
     """Return the conditions and speeds with unsteady sliding, and for each condition the speed below which it starts.
 
-    The speed of the start is an interval between two measured speeds.
+    This speed is stated as an interval between two measured speeds.
     """
     found, thresholds = [], []
     for index, condition in enumerate(points.conditions):

@@ -82,11 +82,11 @@ class CycleTable:
 
     @property
     def moves(self) -> Bools:
-        """Mask (n, 2) of the directions in which each cycle moves."""
+        """Mask of the directions in which each cycle moves (shape (n, 2))."""
         return np.isfinite(self["velocity_m_s"])
 
     def over_sides(self, name: str) -> Array:
-        """Return the mean magnitude (n,) of a column over the directions; NaN without motion."""
+        """Return the mean magnitude of a column over the directions; NaN without motion (shape (n,))."""
         return known_mean(np.abs(self[name]), axis=1)
 
 
@@ -102,7 +102,7 @@ def reduce_cycle(motion: RecordedMotion, edges_m: Array) -> Row:
     Raises
     ------
     RecordingError
-        If the strokes have different speeds, or no stroke has settled in a quarter of the middle of the travel.
+        If the strokes have different speeds, or no stroke has settled in at least a quarter of its middle part.
     """
     name, speeds = motion.recording.name, np.abs([stroke.speed_m_s for stroke in motion.strokes])
     if speeds.max() - speeds.min() > SAME_SPEED * speeds.max():
@@ -131,7 +131,7 @@ def cycle_row(
     sides : mapping
         Direction -> its strokes.
     rows : mapping
-        Direction -> balance (strokes, bins) of its strokes.
+        Direction -> force balance of its strokes, in N (shape (strokes, bins)).
     """
     recording, only = motion.recording, next(iter(sides.values()))
     ambient = recording.ambient_pressure_pa
@@ -175,7 +175,7 @@ class Gain:
     Attributes
     ----------
     error : float
-        Correction of the force: measured error, weighted against the stated accuracy.
+        Relative gain error that is corrected: the measured error or, with a stated accuracy, its weighted mean with 0.
     stderr : float
         Standard uncertainty after correction; NaN without a weight.
     measured, measured_stderr : float

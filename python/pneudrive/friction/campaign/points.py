@@ -42,9 +42,9 @@ def unsteady(cycles: CycleTable, tares: CycleTable, stiffness_n_m: float | None,
     """Return for each cycle the reason why sliding was not steady; "" for steady sliding.
 
     There are three signs. (1) The axis moves unevenly. (2) The piston moves unevenly. Its position is the axis position
-    minus the deflection of the force sensor. (3) The force oscillates by much more than the sensor's
-    noise. This sign counts if samples are too far apart for (1) and (2). At the natural frequency of the rig, such an
-    oscillation would change the speed of the piston by 40 %.
+    minus the deflection of the force sensor. (3) The force oscillates by much more than the sensor's noise. Sign (3) is
+    sufficient alone if such an oscillation at the natural frequency of the rig would change the speed of the piston by
+    more than 40 %. Samples may be too far apart for (1) and (2).
     """
     scatter, speed = np.nan_to_num(cycles["scatter_n"]).max(axis=1), cycles.over_sides("velocity_m_s")
     # Without zero runs: slow noise is visible within a bin of a slow cycle, but not within a bin of a fast cycle.
@@ -69,7 +69,7 @@ FAR = 10.0  # factor of friction to neighbouring speeds: an error of sensor, uni
 
 
 def implausible_friction(condition: Ints, speed_m_s: Array, friction_n: Array, stderr_n: Array) -> NDArray:
-    """Return the reasons (n,) why the friction of cycles is implausible. A plausible cycle has an empty text."""
+    """Return for each cycle the reason why its friction is implausible; "" for plausible friction."""
     pace = np.log(np.maximum(speed_m_s, 1e-12))
     found = np.full(friction_n.size, "", dtype=object)
     for here in (np.flatnonzero(condition == k) for k in np.unique(condition)):
@@ -143,7 +143,7 @@ def reduce(cycles: CycleTable, edges_m: Array, steady: Bools) -> tuple[Row, Colu
         Cycles with both directions.
     edges_m : ndarray, shape (bins + 1,)
     steady : ndarray of bool, shape (n,)
-        Cycles used for the pattern: those without stick-slip.
+        Cycles without stick-slip, from which the pattern is estimated.
 
     Returns
     -------
@@ -196,7 +196,7 @@ def reduce(cycles: CycleTable, edges_m: Array, steady: Bools) -> tuple[Row, Colu
 
 
 def _pattern(values: Array, common: Bools, *, relative: bool = False) -> Array:
-    """Return the deviation from each row's mean, averaged over rows; zero with too few rows.
+    """Return the pattern over position: the deviation from each row's mean, averaged over rows; zero with too few rows.
 
     A relative pattern is zero if a row has little friction.
     """
@@ -244,7 +244,7 @@ class CurvePoints(CycleTable):
       scatter of the strokes, at least the noise within strokes.
     - ``relative_n``: friction in each bin divided by its mean over the bins. NaN without settled samples.
     - ``curve``, ``level``: numbers of the condition and of the speed level. Levels ascend.
-    - ``cell``: number of the combination of both.
+    - ``cell``: number of the combination of condition and speed level.
     - ``reason``: reason for exclusion from F(v). Empty for a point of F(v).
 
     Attributes
@@ -269,7 +269,7 @@ class CurvePoints(CycleTable):
 
     @property
     def count(self) -> Array:
-        """Number (n,) of cycles of each point."""
+        """Number of cycles of each point (shape (n,))."""
         return np.array([some.size for some in self.members], dtype=float)
 
     @property
@@ -333,7 +333,7 @@ def points_of(reading: CampaignData) -> CurvePoints | None:
 
 
 def _stretches(points: CurvePoints) -> Ints:
-    """Return the block index of each cycle, from 0 for each combination of mounting, seal and drive."""
+    """Return the block index of each cycle, counted from 0 within each combination of mounting, seal and drive."""
     ranks: dict[tuple[str, ...], dict[int, int]] = {}
     found = []
     for condition, block in zip(points["condition"], points["block"].tolist(), strict=True):
@@ -371,7 +371,7 @@ def grouped(place: Ints, stretch: Ints, rows: int, most: int) -> list[list[int]]
 
 
 def shares_of(labels: Sequence[Sequence[int]]) -> Array:
-    """Return the fraction (groups, labels) of each label in each group."""
+    """Return the fraction of each label in each group (shape (groups, labels))."""
     names = sorted({label for row in labels for label in row})
     counts = np.array([[row.count(name) for name in names] for row in labels], dtype=float)
     counts = counts.reshape(len(labels), len(names))

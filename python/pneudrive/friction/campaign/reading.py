@@ -1,11 +1,11 @@
 """Cycles of a campaign folder, or speed levels of recordings, reduced to one form.
 
-A file of a cycle is a recording with a plan. Damaged samples are left out and counted. Unreadable cycles are left out
-and listed. Several processes read the cycles.
+Each cycle file is read as a recording with a plan. Damaged samples are left out and counted. Unreadable cycles are left
+out and listed. Several processes read the cycles.
 
 Recordings are treated as a campaign without a plan: each speed level of each recording is a cycle. Measured speeds and
-pressures replace the set values. Pressures that differ by less than 0.1 bar form one condition. Labels define seal,
-mounting and drive, and each run label is a block. The order of the recordings in time is unknown.
+pressures replace the set values. Pressures that differ by less than 0.1 bar form one condition. The labels of a
+recording state seal, mounting and drive, and each run is a block. The order of the recordings in time is unknown.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ TARE_SETTLING = 0.5  # initial share of a tare that is left out: seals relax aft
 
 
 def condition_of(head: Head) -> Condition:
-    """Return the condition of a cycle: planned pressures in steps of 1 mbar, and the levels of its block."""
+    """Return the condition of a cycle: planned pressures, rounded to 1 mbar, and the levels of its block."""
     cycle = head.cycle
     a, b = (PRESSURE_STEP_PA * round(p / PRESSURE_STEP_PA) for p in (cycle.pressure_a_pa, cycle.pressure_b_pa))
     return Condition(a, b, **{name: str(cycle.levels.get(name, "")) for name in LEVELS})
@@ -64,7 +64,7 @@ def read_or_skip(
         Function that makes a result from file and samples.
     file : CycleFile
     samples : Samples or CampaignError
-        Its raw samples, or the error of reading them.
+        Raw samples of the cycle, or the error of reading them.
     *rest
         Further arguments.
     """
@@ -237,10 +237,11 @@ def read_campaign(campaign: Campaign, choice: SampleChoice, processes: int | Non
 
 
 def _plans(files: Sequence[CycleFile], found: dict[str, Read]) -> dict[str, Row]:
-    """Return key of a cycle -> the columns that follow from its header and from the cycles before it.
+    """Return for the key of each cycle the columns that follow from its header and from the cycles before it.
 
-    The rest before a cycle is its stop, or the time since the end of the previous cycle. The travel is the total travel
-    up to the middle of the cycle, from the plan if known, otherwise from the samples.
+    The rest before a cycle is the time since the end of the previous cycle or, if that cycle was a stop, the duration
+    of the stop. The travel is the total travel up to the middle of the cycle, from the plan if known, otherwise from
+    the samples.
     """
     heads = [file.head for file in files]
     first, last, began = heads[0].index, heads[-1].index, min(head.began_s for head in heads)
@@ -285,7 +286,8 @@ def read_part(
 ) -> list[Read]:
     """Read cycles one after the other. For an unusable cycle, return the reason.
 
-    The path length is zero if the samples cannot be read. Cycles that only prepare have no row.
+    The path length from the samples is zero if the header lists steps, or if the samples cannot be read. Cycles that
+    only prepare the rig have no row.
     """
 
     def read(file: CycleFile, samples: Samples) -> Row:
@@ -358,7 +360,7 @@ def reversal_loop(file: CycleFile, samples: Samples, identity: Identity, choice:
 
 
 def common_edges(positions: Sequence[Array]) -> Array:
-    """Return the edges (bins + 1,) of bins over the travel of several motions.
+    """Return the edges of bins over the travel of several motions, in m (shape (bins + 1,)).
 
     A motion far from the others (for example in wrong units) does not affect the bins.
     """

@@ -86,8 +86,8 @@ class AirShare:
     seal_n, seal_low_n, seal_high_n : ndarray, shape (m,)
         NaN if not separated.
     air_bound_n : ndarray, shape (m,)
-        Upper bound of the force of the air; NaN if separated. It assumes that friction of the seal does not fall as
-        speed rises.
+        Upper bound of the force of the air; NaN if separated. The bound assumes that friction of the seal does not fall
+        as speed rises.
     """
 
     condition: Condition
@@ -107,7 +107,7 @@ class AirShare:
 
 @dataclass(frozen=True)
 class PositionWave:
-    """A wave of friction over position. The range contains `order` periods, not necessarily a whole number.
+    """A wave of friction over position. `order` is the number of periods in the range, not necessarily a whole number.
 
     Cosine, sine (about the middle of the range) and amplitude are relative to the mean friction.
     """
@@ -175,10 +175,10 @@ class Asymmetry:
 
 @dataclass(frozen=True)
 class StickSlipPoint:
-    """Stick-slip at one condition and speed: medians over both directions of all cycles.
+    """Stick-slip at one condition and speed, as medians over both directions of all cycles.
 
-    ``share`` is the fraction of cycles with unsteady sliding. ``strokes`` is the number of directions in all cycles.
-    ``amplitude_n`` is the usual range of the force in mid stroke.
+    ``share`` is the fraction of cycles with unsteady sliding. ``strokes`` is twice the number of cycles.
+    ``amplitude_n`` is the peak-to-peak range of the force in mid stroke, without the lowest and highest 2 %.
     """
 
     condition: Condition
@@ -395,7 +395,7 @@ class CampaignCharacteristics(Viewed):
         One row per cycle, speed level and direction: the columns of a friction map, the 95 % band and the levels.
     curves : tuple of Curve
     sources : tuple of UncertaintySource
-        Budget of the band.
+        Uncertainty budget of the curves.
     pressure, air, position, asymmetry, loops, stick_slip, stick_slip_thresholds, drift, repeatability, zero
     stops : polars.DataFrame
         One row for each stop, see `pneudrive.friction.campaign.stops.stop.find_stops`; empty without stops.

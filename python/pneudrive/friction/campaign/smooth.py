@@ -10,7 +10,7 @@ an outlier can make a good repeat look like an outlier. Each cycle is therefore 
 others [cook1982]: neighbours in speed, other pressures, repeats. The cycle with the largest deviation relative to the
 robust scatter is removed, and the model is fitted again, repeatedly. The number of outliers is the most probable one
 [box1968]: an outlier may show any friction, but is rare. Finally, each removed cycle is used again if it agrees with
-the prediction from the good cycles. A cycle is suspect if the data do not decide.
+the prediction from the good cycles. A cycle is suspect if the data do not show whether it is an outlier.
 """
 
 from __future__ import annotations

@@ -210,7 +210,7 @@ def _pressures(found: CampaignCharacteristics) -> Iterator[Statement]:
 
 
 def _where(found: CampaignCharacteristics, results: Sequence[AirShare | Asymmetry]) -> str:
-    """Return the condition of results as text, or the number of several conditions."""
+    """Return the condition of the results as text; for several conditions, return their number."""
     label = results[0].condition.label(found.identity.ambient_pressure_pa)
     return label if len(results) == 1 else f"{len(results)} conditions"
 

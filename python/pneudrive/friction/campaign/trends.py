@@ -176,7 +176,7 @@ COVERED = 0.9  # of the common bins: cycles that lack more are not used for tren
 
 
 def position_dependence(points: CurvePoints) -> tuple[PositionPattern, ...]:
-    """Describe friction over position: for each mounting, seal and drive, then for conditions with enough cycles."""
+    """Return friction over position for each mounting, seal and drive, then for each condition with enough cycles."""
     found = [_describe(points, title, None, members) for title, members in points.assemblies.items()]
     for title in points.assemblies:
         own = [(i, c) for i, c in enumerate(points.conditions) if c.title == title]
@@ -257,7 +257,7 @@ def _trend(position: Array, rows: Array, slowness: Array, waves: Sequence[float]
 
 
 def _columns(position: Array, waves: Sequence[float]) -> Array:
-    """Return the design columns (n, 2 + 2 waves): mean, trend, and cosine and sine of the wave of each order."""
+    """Return the design columns: mean, trend, cosine and sine of the wave of each order (shape (n, 2 + 2 waves))."""
     away, length = position - position.mean(), _length(position)
     columns = [np.ones(away.size), away]
     for times in waves:
@@ -301,7 +301,7 @@ def _waves(position: Array, mean: Array, stderr: Array) -> list[float]:
 
 
 def _each(columns: Array, rows: Array) -> Array:
-    """Fit the columns to each cycle. Return the coefficients (cycles, columns)."""
+    """Fit the columns to each cycle. Return the coefficients (shape (cycles, columns))."""
     masks, which = np.unique(np.isfinite(rows), axis=0, return_inverse=True)
     found = np.empty((rows.shape[0], columns.shape[1]))
     for number, here in enumerate(masks):  # cycles that lack the same bins form one problem
@@ -340,11 +340,11 @@ FOLLOWS_TIME = 0.1
 
 @dataclass(frozen=True, eq=False)
 class _Design:
-    """Cycles of one set of levels, marked by `used` among all points, and their `points`.
+    """Cycles of one set of levels that determine the effects of pressure. `used` marks them among all points.
 
-    Pressures are gauge, in bar. ``kind`` names the determined slopes: both, a, b, sum or line.
-    ``equal`` has a column for each set of repeated cycles at other speeds, such as control runs. Their pressure is
-    constant, so that they show the effect of time. Their ``level`` is -1.
+    Pressures are gauge, in bar. ``kind`` names the determined slopes: both, a, b, sum or line. ``equal`` has a column
+    for each set of repeated cycles at other speeds, such as control runs. The pressure of each set is constant, so
+    these cycles only show the effect of time. Their ``level`` is -1.
     """
 
     used: Bools
@@ -479,10 +479,11 @@ def _fit(fits: Fits, design: _Design, x: Array) -> MixedFit | None:
 
 
 def _widened(design: _Design, x: Array, columns: list[Array]) -> Array:
-    """Return x with further columns and their products with log speed; x alone if a column is not independent.
+    """Return x with further columns and their products with log speed. Return x alone if a column is not independent.
 
-    Columns are the product of both centred pressures, or their squares: mean over speeds, and change with log
-    speed. With the product, a slope applies at the mean of the other pressure.
+    The further columns are the product of both centred pressures, or their squares. They give the mean effect over
+    speeds; their products with log speed give its change with speed. With the product of the pressures, the slope of
+    one pressure applies at the mean of the other.
     """
     tilt = design.centred(np.log(design.points["speed_m_s"]))
     over_speed = [column * tilt for column in columns] if design.speeds.size > 1 else []
@@ -497,7 +498,7 @@ def _sentences(
     with_time: list[str],
     u: float,
 ) -> Iterator[Statement]:
-    """Yield statements on the determined slopes, the test whether they add, and undetermined values.
+    """Yield statements on the determined slopes, on their additivity (interaction test) and on undetermined values.
 
     An interaction within the accuracy of the sensors is ignored.
     """
@@ -528,5 +529,5 @@ def _sentences(
 
 
 def _chance(p: float) -> str:
-    """Return a probability as text; below 0.001 without digits."""
+    """Return a probability as text; values below 0.001 as ``p < 0.001``."""
     return f"p = {p:.2g}" if p >= 0.001 else "p < 0.001"

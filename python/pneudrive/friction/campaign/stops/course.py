@@ -7,7 +7,7 @@ Recovery is the distance after a restart until friction has returned to that of 
   excess(s) = E exp(-s/L) + c        s: travel since the breakaway peak
 
 c is the remaining excess at the end of the move. Friction has recovered when the excess over c has fallen to 5 % of its
-initial value. Unlike the distance to "no longer distinguishable", this distance does not depend on noise.
+initial value. This distance does not depend on noise, unlike the distance at which the excess is lost in the noise.
 
 Relaxation of the force while the piston is held has one of four forms:
 
@@ -141,7 +141,7 @@ def _rest(cycle: Cycle, time_s: Array, position_m: Array, step: Ints) -> Phases:
 
 
 def steady_part(recording: Recording, part: slice) -> tuple[slice, float]:
-    """Return the part of one move near its usual speed, from the first sample to the last, and its mean velocity."""
+    """Return the slice from the first to the last sample of a move near its usual speed, and its mean velocity."""
     time_s, position_m = recording.time_s[part], recording.position_m[part]
     share, ends = _travelled(position_m), np.array([0, time_s.size - 1])
     inner = np.flatnonzero((share > 0.2) & (share < 0.8))
@@ -155,7 +155,7 @@ def steady_part(recording: Recording, part: slice) -> tuple[slice, float]:
 
 
 def _travelled(position_m: Array) -> Array:
-    """Return the fraction of a move that is done at each sample."""
+    """Return the fraction of the distance of a move that has been covered at each sample."""
     return np.abs(position_m - position_m[0]) / max(abs(position_m[-1] - position_m[0]), 1e-12)
 
 
@@ -193,7 +193,7 @@ NOISE_OF_STEPS = 0.954  # median size of the step between two values of noise 1
 
 @dataclass(frozen=True, eq=False)
 class UninterruptedStroke:
-    """One stroke at constant speed without a stop: block means (m,) of friction over increasing position.
+    """One stroke at constant speed without a stop, as block means of friction over increasing position (shape (m,)).
 
     ``noise_n`` is the standard deviation of one mean.
     """
@@ -362,7 +362,7 @@ def _approach(recording: Recording, phases: Phases, speed: float) -> slice | Non
 def _references(
     strokes: Sequence[UninterruptedStroke], direction: int, speed: float, low: float, high: float, condition: Condition
 ) -> list[UninterruptedStroke]:
-    """Return the strokes in the same direction, speed and condition that cover the travel."""
+    """Return the strokes in this direction, at this speed and condition, that cover the travel from `low` to `high`."""
     out = []
     for s in strokes:
         alike = s.direction == direction and s.condition == condition

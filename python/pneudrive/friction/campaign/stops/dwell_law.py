@@ -1,6 +1,6 @@
 """Breakaway over stop duration and pressure: slope per decade, comparison of laws, limits of the data.
 
-The age of a contact follows from the peaks after stops, in the form of a drive's friction::
+The age of a contact follows from the peaks after stops. The equations are those of a drive's friction::
 
   dphi/dt = 1 - phi |v|/L      age: the duration of the stop while the piston rests, L/|v| while it slides
   Fd = B (1 + s_a p_a + s_b p_b) psi(phi/tau)
@@ -82,9 +82,10 @@ class DwellSeries(Shown):
     reference_s : float
         Stop duration at which slopes are evaluated.
     slopes : tuple of Estimate
-        Slope of the increment at the reference duration, in N per decade, at each condition; without a law.
+        Slope of the increment at the reference duration, in N per decade, at each condition; estimated without a law.
     mean_slopes : tuple of Estimate
-        Mean slope from the shortest to the longest duration, in N per decade, at each condition; without a law.
+        Mean slope from the shortest to the longest duration, in N per decade, at each condition; estimated without a
+        law.
     slope, mean_slope, increment : Estimate or None
         Means over the conditions. The increment applies at the reference duration.
     share : Estimate or None
@@ -138,7 +139,7 @@ class DwellSeries(Shown):
         return ", ".join(part for part in parts if part)
 
     def effects(self, named: Callable[[Condition], str]) -> dict[str, Estimate | None]:
-        """Return the effects of stops, at each condition and as the mean over several."""
+        """Return the effects of stops at each condition, and their mean over several conditions."""
         at, found = f"{self.reference_s:g} s", dict[str, Estimate | None]()
         for condition, slope, mean in zip(self.conditions, self.slopes, self.mean_slopes, strict=False):
             found[f"breakaway per decade of stop at {at}, {named(condition)}"] = slope
@@ -457,7 +458,7 @@ def _results(series: DwellSeries, curve: dwell_models.DwellCurve, ambient: float
 
 
 def _pressure(curve: dwell_models.DwellCurve, at: Array, ambient: float) -> DwellPressure | None:
-    """Regress slopes and increments of the conditions on their pressures, within one model."""
+    """Fit slopes and increments of the conditions as linear functions of the pressures."""
     gauge = np.array([(c.pressure_a_pa - ambient, c.pressure_b_pa - ambient) for c in curve.conditions])
     if not (np.ptp(gauge, axis=0) > SAME_PRESSURE_PA).any():
         return None

@@ -86,12 +86,12 @@ class DwellForm:
         return self.growth in {"saturating", "hyperbolic"}
 
     def derivatives(self, duration_s: Array, time_s: float, exponent: float | None = None) -> Array:
-        """Return psi and its derivatives with respect to duration, time constant and exponent, as columns (n, 4)."""
+        """Return psi and its derivatives with respect to duration, time constant and exponent (shape (n, 4))."""
         m = self.exponent if exponent is None else exponent
         return _core.dwell_growth(self.growth, np.asarray(duration_s, dtype=float), time_s, m)
 
     def psi(self, duration_s: Array, *shape: float) -> Array:
-        """Return the growth psi (n,) at these durations."""
+        """Return the growth psi at these durations (shape (n,))."""
         return self.derivatives(duration_s, *shape)[:, 0] if self.growth else np.zeros(np.shape(duration_s))
 
     def slope(self, duration_s: float, *shape: float) -> float:
@@ -372,7 +372,7 @@ def fit_curve(stops: pl.DataFrame, conditions: tuple[Condition, ...], drift_prio
 
 
 def _places_and_drift(data: dict[str, NDArray], x: Array, drift_prior_n: float) -> tuple[Array, Array, float]:
-    """Return fixed columns of positions and drift, the column of a hidden drift, and the slope's variance inflation."""
+    """Return fixed columns of positions and drift, the column of an undetermined drift, and the variance inflation."""
     n = len(x)
     at = np.round(data["position_m"] / SAME_PLACE_M).astype(np.int64)
     names, member = np.unique(cells(data["direction"], at), return_inverse=True)
@@ -437,7 +437,7 @@ class StopDesign(Shown):
     repeats : tuple of int
     half_widths : dict
         Parameter -> expected half-width of its 95 % interval: ``a_n`` and ``increment_n`` in N for an increment of 1 N,
-        and the relative one of the time constant.
+        and the time constant relative to its value.
     """
 
     form: str

@@ -295,7 +295,7 @@ def corner_height(friction_n: Array, top: int, excess_n: float, one_n: float, ma
     one_n : float
         Standard deviation of one sample.
     many_n : float
-        The same for a mean of many samples. The value is larger for correlated noise.
+        Standard deviation of one sample that holds for means of many samples. It exceeds `one_n` for correlated noise.
 
     Returns
     -------
@@ -378,7 +378,7 @@ def _places(friction: Array, top: int, many_n: float) -> tuple[Scan, Array]:
 
 
 def _columns(t: Array, grid: Array) -> Array:
-    """Return the design columns (g, n, 4) at times (n,) or (g, n), for each corner and roundness (g, 2)."""
+    """Return the design columns at the times `t`, for each corner and roundness in `grid` (shape (g, n, 4))."""
     corner, roundness = grid[:, :1], grid[:, 1:]
     away = t - corner
     width = np.where(roundness > 0.0, roundness, 1.0)
@@ -523,7 +523,7 @@ class Noise:
     def of(cls, values: Array) -> Noise:
         """Estimate the white part from second differences, the slow one from residuals of a smoothed curve.
 
-        The smoothed curve is used after the largest value, where the force changes slowly.
+        The residuals are those after the largest value, where the force changes slowly.
         """
         white = max(noise_level(values), 1e-12 * np.abs(values).max() + 1e-300)
         behind = values[np.argmax(_quick(values)) + NOISE_HALF_WIDTH // 2 :][:NOISE_SAMPLES]
@@ -602,7 +602,7 @@ def _search_end(
 def _even(time: Array, friction: Array) -> ArrayPair:
     """Return samples of a single rate around the highest sample.
 
-    If the sampling rate changes among these samples, thin the denser ones.
+    If the sampling rate changes near this sample, omit samples where they are denser.
     """
     steps = np.diff(time)
     if steps.size < 2:
