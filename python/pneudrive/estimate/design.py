@@ -38,7 +38,7 @@ class DesignSpace:
     gradients : ndarray, shape (d, c, p)
         Gradients of c candidates for d samples of the prior, divided by the standard deviation of the measured value.
     known : ndarray, shape (d, p, p)
-        Information from earlier measurements.
+        Information matrix of earlier measurements.
     region : ndarray, shape (d, p, p) or None
         Mean of g g' over the range of prediction, in units of the value squared; needed for criterion I.
     """

@@ -80,8 +80,8 @@ def systematic_budget(
     up, down : Side
         Means in +x and -x over the window.
     offset_slope_n_m, sample_interval_s : float
-        Slope of the offset over position, and interval within which channels are simultaneous. A time skew appears as
-        friction.
+        Slope of the offset over position, and interval within which all channels are sampled. A time skew between them
+        appears as friction.
     late_s : float
         Standard uncertainty of the times of the pressures.
     """

@@ -118,7 +118,10 @@ class Level(Shown):
 
     @property
     def friction_n(self) -> float:
-        """Half the difference of the force balances in +x and -x, in N. For one direction: balance against motion."""
+        """Half the difference of the force balances in +x and -x, in N.
+
+        For a single direction, the balance, positive against the motion.
+        """
         means_n = {way: side.spread.mean_n for way, side in self.sides.items()}
         if len(means_n) == 2:
             return (means_n[1] - means_n[-1]) / 2
@@ -278,7 +281,7 @@ class Level(Shown):
 
     @property
     def pressure_pa(self) -> float:
-        """Mean gauge pressure with the larger magnitude, of both chambers, in Pa."""
+        """Mean gauge pressure in Pa, of the chamber in which its magnitude is larger."""
         return max(self.gauge_pa.values(), key=abs)
 
     @property
@@ -437,7 +440,7 @@ def window_of(motion: RecordedMotion) -> Interval:
 
 
 def _parts(file: RecordingFile, choice: SampleChoice, watch: Watch) -> Iterator[Part]:
-    """Read a recording part by part, each with its counted strokes; the next part is read in the background."""
+    """Yield the parts of a recording, each with its counted strokes. The next part is read in the background."""
     name, (first, count) = file.name, file.span
     blocks = [(begin, min(begin + PART_SAMPLES, count)) for begin in range(first, count, PART_SAMPLES)]
     left: Columns = {}

@@ -53,7 +53,7 @@ class ReversalPeak:
 def find_reversal_peaks(
     recording: Recording, strokes: Sequence[motion.Stroke], balance_n: Array, profile: Profile
 ) -> dict[int, ReversalPeak]:
-    """Return index of a stroke -> peak, for each reversal at which one of ``strokes`` begins.
+    """Return the peaks by index of the stroke, for each reversal at which one of ``strokes`` begins.
 
     Parameters
     ----------
@@ -132,7 +132,7 @@ def _pressure_moves_n(recording: Recording, part: slice, noise_pa: Sequence[floa
 
 
 def _inertia_n(recording: Recording, stroke: motion.Stroke) -> float:
-    """Return the mean force, in N, to accelerate the mass beyond the sensor to 80 % of the stroke's speed."""
+    """Return the mean force in N that the mass beyond the sensor needs to reach 80 % of the stroke's speed."""
     mass = recording.mass_beyond_sensor_kg
     if not mass:
         return 0.0
@@ -143,9 +143,9 @@ def _inertia_n(recording: Recording, stroke: motion.Stroke) -> float:
 
 
 def rise(friction_n: Array) -> tuple[int, int]:
-    """Return the last sample below 10 % and the first sample above 90 % of a rise. The peak is the last sample.
+    """Return the last sample below 10 % and the first sample above 90 % of a rise.
 
-    A slow drift between rise and peak is not part of the rise.
+    The last value is the peak. A slow drift between rise and peak is not part of the rise.
     """
     bottom = friction_n.min()
     swing = friction_n[-1] - bottom
@@ -283,7 +283,7 @@ def measure_stick_slip(time_s: Array, position_m: Array, velocity_m_s: Array | N
 
 
 def slip_onsets(stuck: Bools, slipping: Bools) -> list[int]:
-    """Return the first sample of each slip after a stick. Other samples are ignored."""
+    """Return the first sample of each slip after a stick. Samples with neither are ignored."""
     decided = np.flatnonzero(stuck | slipping)
     slips = slipping[decided]
     return decided[1:][slips[1:] & ~slips[:-1]].tolist()

@@ -109,7 +109,7 @@ class MeasuredStroke:
 
 @dataclass(frozen=True, eq=False)
 class Strokes:
-    """The strokes of a speed class or of a cycle. Their memory depends on the number of bins, not of samples.
+    """The strokes of a speed class or of a cycle. The size in memory depends on the number of bins, not of samples.
 
     Attributes
     ----------

@@ -128,7 +128,7 @@ class ForceCalibration:
         -------
         dict
             Source -> standard uncertainties of the force, of half the difference and of half the sum, in N. Hysteresis
-            remains in the difference, because force increases in one direction of motion and decreases in the other.
+            remains in the difference: the force is approached from below in one direction, and from above in the other.
         """
         creep = self.creep_n / RECTANGULAR / self.largest_n if self.creep_n else 0.0
         line, turn = self.linearity_n / RECTANGULAR, self.hysteresis_n / 2.0 / RECTANGULAR

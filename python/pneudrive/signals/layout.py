@@ -399,7 +399,7 @@ AnyLayout: TypeAlias = "Layout | str | Path | None"
 
 @dataclass(frozen=True, repr=False, eq=False)
 class Layout(Shown):
-    """A layout file before its overrides are applied to a file's name.
+    """A layout file before the overrides for a recording are applied.
 
     Examples
     --------

@@ -201,7 +201,7 @@ def load_recordings(paths: Iterable[str | Path], layout: AnyLayout = None) -> li
 
 
 def hashes_of(path: Path) -> frozenset[str]:
-    """Return the possible hashes of the recording in a file: that of its bytes and, for a trajectory, of its columns.
+    """Return the possible hashes of the recording in a file: those of its content and of a trajectory's columns.
 
     Raises
     ------

@@ -1,7 +1,7 @@
 """Delay between the pressures of closed chambers and the recorded motion.
 
 The gas of a closed chamber of volume V exchanges heat with a wall of constant temperature. With p = m R T / V, its
-energy balance is linear in p. For y = p V^gamma it is a first-order lag, with exact decay over each time step:
+energy balance is linear in p. In y = p V^gamma, the balance is a first-order lag. Each time step has the exact decay:
 
     dp/dt = -gamma p (dV/dt)/V - k (p - c/V)      k = (gamma - 1) H / (m R)      c = m R T_wall
     y = p V^gamma      dy/dt = k (c V^(gamma - 1) - y)

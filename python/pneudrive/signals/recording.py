@@ -214,7 +214,7 @@ def clean(recording: Recording, places: dict[str, list[Interval]] | None = None)
     Parameters
     ----------
     recording
-        Recording with all samples of the file.
+        Recording that may contain unusable samples.
     places
         Receives kind of fault -> first and last time of each occurrence, in s. Neighbouring samples are one occurrence,
         and a gap extends to the next sample. Faults on reading are left out, because they have no time.
