@@ -129,7 +129,7 @@ class Diagnosis(Shown):
     Attributes
     ----------
     size : dict
-        Balance -> root mean square residual, relative to sensor noise and 1 % of the terms.
+        Balance -> root mean square residual, relative to the standard deviation from noise and 1 % of the terms.
     culprits : tuple of Culprit
         Causes, the most important one first.
     left : float

@@ -208,8 +208,8 @@ def warn_of_mixture(notes: Sequence[str], kept: Collection[str], *, same_start: 
 def applied_note(solved: Solved, kept: Collection[str]) -> list[str]:
     """Return a note that compares the errors of free runs with the applied and with the fitted values.
 
-    Free runs use the starts and sensor errors of the fit. No note is returned if no values were kept, or none was
-    determined.
+    Free runs use the starts and sensor errors of the fit. The list is empty if all values
+    were determined, or none.
 
     Parameters
     ----------
