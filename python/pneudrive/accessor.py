@@ -111,8 +111,8 @@ class Pneu:
     def view(self, drive: Drive | Circuit | None = None) -> View:
         """Return plot and key figures of a run: stroke times, impacts, air consumption, peak pressures, warnings.
 
-        The view of a controlled run has its score, of a characteristic its results, of an ensemble the spread of its
-        outputs, of a sensitivity the effect of each input, and of a friction map its curves and flags.
+        The content depends on the data set. A controlled run has a score, a characteristic has results, an ensemble has
+        the spread of its outputs, a sensitivity has the effect of each input, a friction map has curves and flags.
 
         Parameters
         ----------

@@ -73,7 +73,9 @@ class Explorer:
         for key in self._keys:
             if key not in free:
                 raise CommandError(
-                    f'"{key}" has no slider', rule="the key of a number", remedy=f"Known: {', '.join(list(free)[:20])}."
+                    f'"{key}" has no slider',
+                    rule="the key of a number in the description",
+                    remedy=f"Known: {', '.join(list(free)[:20])}.",
                 )
         names = self._keys or fields["sliders"]
         kept = ("key", "text", "number", "unit", "low", "high")

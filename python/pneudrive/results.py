@@ -96,7 +96,9 @@ class StoredResult(Viewed):
             return upper("validation_view")(self.content, self._run_of)
         except (KeyError, TypeError) as error:
             rule = f"a {self.kind} as pneudrive wrote it"
-            raise CommandError(f"{self.path} lacks {error}", rule=rule, remedy="Write it again.") from None
+            raise CommandError(
+                f"{self.path} is incomplete: {error}", rule=rule, remedy=f"Repeat the {self.kind}."
+            ) from None
 
     def _run_of(self, number: int) -> Columns | None:
         """Return the columns of the run of a record of a validation; None if its file is missing."""

@@ -99,7 +99,7 @@ def test_what_is_not_a_result_is_said(folder, tmp_path):
         pn.compare_results(folder / "light.toml", folder / "light.parquet")
     text = (ROOT / "tests/web/inputs/validation.toml").read_text()
     (tmp_path / "validation.toml").write_text(text.replace("clean = ", "cleaned = "))
-    with pytest.raises(CommandError, match=r"validation\.toml lacks 'clean'"):
+    with pytest.raises(CommandError, match=r"validation\.toml is incomplete: 'clean'"):
         pn.load(tmp_path / "validation.toml").view()
 
 

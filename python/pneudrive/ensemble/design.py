@@ -486,7 +486,7 @@ class EnsembleDesign(Shown):
         names: Sequence[str] | None = None,
         seed: int = 0,
     ) -> EnsembleDesign:
-        """Draw members from the posterior of a fit with all correlations.
+        """Draw correlated members from the posterior of a fit.
 
         The distribution is normal in the coordinates in which the fit has its intervals. Numbers that were not free,
         or that the data do not determine, keep the value of the drive.
@@ -507,7 +507,7 @@ class EnsembleDesign(Shown):
                 raise CommandError(f"the fit has no covariance of {name}", remedy=nearest(name, determined))
         determined = [name for name in determined if names is None or name in names]
         if not determined or not fit.covariance.size:
-            raise CommandError("the data of this fit determine no value with a covariance, so no value can vary")
+            raise CommandError("this fit has no covariance for any value that its data determine")
         return cls("sobol", dict.fromkeys(determined, "as the fit"), n, seed, fit=fit)
 
     @property

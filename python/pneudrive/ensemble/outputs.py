@@ -173,7 +173,7 @@ def read_rows(given: Any, signal: CommandInput) -> EachSteps:  # noqa: ANN401
     [((0.0,), (0.5,)), ((0.0, 0.02), (1.0, -1.0))]
     """
     if callable(given):
-        raise CommandError("a function cannot command many members", remedy="Give its steps, (time, command).")
+        raise CommandError("a function cannot command many members", remedy="Give pairs (time, command).")
     if not _is_many(given):
         return [commands.steps(given, None, signal)]
     return [_member(place, commands.steps, one, None, signal) for place, one in enumerate(given)]
@@ -193,7 +193,7 @@ def _is_many(given: Any) -> bool:  # noqa: ANN401
 def _member(place: int, read: Any, *given: Any) -> Any:  # noqa: ANN401
     with naming(f"member {place}", CommandError):
         if callable(given[0]):
-            raise CommandError("the command must not be a function", remedy="Give its steps, (time, command).")
+            raise CommandError("the command must not be a function", remedy="Give pairs (time, command).")
         return read(*given)
 
 
@@ -516,7 +516,9 @@ def _quantity(given: str | float, unit: str, is_pressure: bool) -> float:
                 return units.parse(given, unit)
             pressure = units.parse_pressure(given)
         if pressure.gauge:
-            raise CommandError(f'outputs: "{given}" is gauge', rule="an absolute pressure", remedy="Write abs.")
+            raise CommandError(
+                f'outputs: "{given}" is a gauge pressure', rule="an absolute pressure", remedy="Write abs."
+            )
         return pressure.value_pa
     except ValueError:
         raise CommandError(f'outputs: "{given}" is not a number') from None

@@ -101,7 +101,7 @@ def sensitivity(
     'load.mass'
     """
     if isinstance(n, bool) or n < 2:
-        raise CommandError(f"n = {n} is too few", rule="at least 2")
+        raise CommandError(f"n = {n} base points are too few", rule="at least 2")
     design = replace(design_of(vary), members=n)
     study = study_of(drive, command, duration, vary=design, outputs=outputs, initial=initial, rtol=rtol)
     rows = study.rows
