@@ -251,7 +251,7 @@ WRONG = {
     "a.csv": ("time_s;position_m\n0,0;0,1\n", "Separate the columns of a CSV file by commas"),
     "b.csv": ("time_s,position_m\n0,0.1\n1,0.1\n1,0.2\n2,0.2\n3,0.2\n", "times"),
     "f.toml": (LIMITED.split("[limits]")[0] + '[[moves]]\nat = "1 s"\nto = "2 mm"\n', "duration is missing"),
-    "h.toml": (POINTS + '[[points]]\nat = "1 s"\nto = "1 mm"\n', "must increase"),
+    "h.toml": (POINTS + '[[points]]\nat = "1 s"\nto = "1 mm"\n', "times increase"),
     "o.toml": (
         POINTS + LIMITED[LIMITED.index("[limits]") : LIMITED.index("[[moves]]")],
         "limits have no effect",

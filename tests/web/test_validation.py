@@ -175,7 +175,7 @@ open_to_ambient = true
     assert "rig/slow.csv" not in offered["validate"]
     assert "rig/slow.csv" in offered["characterise"]
     refused = post(validated, "/api/jobs", ASKED | {"recordings": ["rig/slow.csv"]}, 400)
-    assert refused["problems"][0]["what"] == "rig/slow.csv does not have command, pressure_b"
+    assert refused["problems"][0]["what"] == "rig/slow.csv does not have the channels command, pressure_b"
 
 
 def test_a_job_writes_into_folders_of_the_workspace_alone(validated: Served) -> None:

@@ -86,11 +86,7 @@ class ReferenceFile(Described):
             raise wrong("points", "there is one point", rule="at least two points")
         for number, (before, after) in enumerate(pairwise(self.points), start=1):
             if not after.at_s > before.at_s:
-                raise wrong(
-                    f"points.{number}.at",
-                    f"{after.at_s:g} s follows {before.at_s:g} s",
-                    rule="the times of the points must increase",
-                )
+                raise wrong(f"points.{number}.at", f"{after.at_s:g} s follows {before.at_s:g} s", rule="times increase")
         for number, move in enumerate(self.moves):
             if move.duration_s is None and self.limits is None:
                 raise wrong(f"moves.{number}.duration", "duration is missing", remedy="Give duration or [limits].")

@@ -42,7 +42,7 @@ PERIOD_S, BAND_M, AFTER_S = 1e-3, 30e-6, 20e-3
 
 
 class HoldBand(Described):
-    """Band for holding. Once the reference rests and the error stays in the band, the pressure force stays constant."""
+    """Band for holding. Once the reference rests and the error stays in the band, the drive is kept at rest."""
 
     table_name = "hold"
     band_m: Annotated[float, Quantity("m", "um", Bounds(above=0.0))] = Field(

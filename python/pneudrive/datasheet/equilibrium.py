@@ -355,7 +355,7 @@ def open_command(plant: HeldDrive, command: float, side: float = 1.0) -> float:
 
 
 def gas_at(plant: HeldDrive, pressures: Any = None) -> Array:  # noqa: ANN401 - one or two quantities
-    """Return the gas of all nodes at the pressures of a and b and at ambient temperature. Its shape is (nodes, 2)."""
+    """Return pressure and temperature of all nodes from the pressures of chambers a and b; shape (nodes, 2)."""
     if pressures is None:
         pressures = 0.5 * (plant.supply_pa + plant.ambient[0])
     pair = (pressures, pressures) if isinstance(pressures, str | int | float) else tuple(pressures)
@@ -377,9 +377,9 @@ def gas_at(plant: HeldDrive, pressures: Any = None) -> Array:  # noqa: ANN401 - 
 
 
 def moving_gas(plant: HeldDrive) -> Array:
-    """Return the gas of slow steady motion in +x at mid stroke and ambient temperature, the usual operating point.
+    """Return pressure and temperature of all nodes in slow steady motion in +x at mid stroke; shape (nodes, 2).
 
-    Its shape is (nodes, 2).
+    This state, at ambient temperature, is the usual operating point.
 
     Warn if the drive does not move.
     """

@@ -108,7 +108,7 @@ class ComparedNumber:
     Attributes
     ----------
     stroke : str
-        Command and direction of the stroke. For the air of a cycle: half period of the cycle.
+        Command and direction of the stroke, or the half period of the cycle if the number is its air.
     name, unit : str
     measured, low, high : float
         Mean of the repeats and its 95 % interval, whose ends are NaN for a single stroke.

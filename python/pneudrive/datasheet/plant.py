@@ -440,7 +440,7 @@ class HeldDrive:
         gas : ndarray, optional
             Absolute pressure (Pa) and temperature (K) at `nodes`, with the shape (nodes, 2).
         lags : mapping, optional
-            Component -> distance behind the piston, in m; by default that of the start state.
+            Component -> distance behind the piston, in m; by default the distance in the start state.
         """
         self.check_position(position)
         start, moved = dict(self.start_values), position - self.start_values[f"{self.piston}.position_m"]

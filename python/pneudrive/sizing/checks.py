@@ -213,7 +213,7 @@ class MachineCheck(NamedTuple):
         None if no data sheet states it.
     unit : str
     is_kept : bool or None
-        None if undecided, because no data sheet states the limit, or the limit is assumed.
+        Whether the value is within its limit. None if no data sheet states the limit, or the limit is assumed.
     rule : str
         Standard or rule of the check.
     remedies : tuple of str

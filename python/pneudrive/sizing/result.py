@@ -101,7 +101,7 @@ def values_of(drive: SizedDrive, place: int) -> list[ShownValue]:
 
 @dataclass(frozen=True)
 class NearestMiss:
-    """Choice nearest to meeting an infeasible task, and the change that would make the task feasible.
+    """Choice that comes closest to an infeasible task, and the change that would make the task feasible.
 
     Attributes
     ----------
@@ -397,7 +397,7 @@ def nearest_miss(
     short: list[tuple[Any, Any]],
     pruned: list[Shortage],
 ) -> NearestMiss:
-    """Return the choice nearest to meeting the task: simulated if possible, otherwise tuned, otherwise pruned.
+    """Return the choice that comes closest to the task, among simulated, otherwise tuned, otherwise pruned choices.
 
     Parameters
     ----------

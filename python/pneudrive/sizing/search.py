@@ -220,7 +220,7 @@ class Search:
         )
 
     def _checks(self, ranked: Sequence[SizedDrive]) -> Iterator[MachineCheck]:
-        """Yield the checks of the best drive. An assumed energy limit tells how many cylinders it excludes."""
+        """Yield the checks of the best drive. An assumed energy limit states how many cylinders it excludes."""
         best, met = ranked[0], {drive.parts["cylinder"] for drive in ranked}
         thrifty = ((one, one.settings) for one in self.candidates if one.lost and one.settings)
         excluded = {

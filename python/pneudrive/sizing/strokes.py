@@ -90,7 +90,7 @@ class StrokeResults(NamedTuple):
     Attributes
     ----------
     time : ndarray
-        Time from the command to the first contact with the end; infinite if the run ended before.
+        Time from the command to the first contact with the end; infinite if the run ended before this contact.
     end_speed, energy : ndarray
         Greatest speed and energy at a contact with the end; 0 without a contact. After a rebound, a piston may be
         faster than at its first contact.

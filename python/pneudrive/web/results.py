@@ -54,7 +54,7 @@ VERDICTS: dict[State, str] = {"good": "in order", "open": "open", "bad": "needs 
 
 
 def headlines(workspace: Workspace) -> Plain:
-    """Return a summary line for each of the newest files, by name. Kinds of files without a summary are left out."""
+    """Return a summary line for each of the newest files, by name. Files without a summary are left out."""
     out = {}
     for file in sorted(workspace.files(), key=lambda file: -file.changed)[:MOST_FILES]:
         with suppress(PneudriveError, *OF_DAMAGE):  # the view of the file says why

@@ -134,7 +134,7 @@ def _air(plant: HeldDrive, half_period: float | None = None) -> Found:
     Settings
     --------
     half_period
-        of the second of these cycles, in s; default: that of the square response
+        of the second cycle, in s; default: the half period of the square response
 
     Results
     -------
@@ -143,7 +143,7 @@ def _air(plant: HeldDrive, half_period: float | None = None) -> Found:
     full_normal : l
         the same in normal litres: 101325 Pa, 0 degC, dry
     cycle : l ANR
-        in a cycle of the half period below
+        air in a cycle of the half period below
     half_period : s
         half of the period of that cycle
     mean_flow : l/min ANR

@@ -86,9 +86,9 @@ def _bode(plant: HeldDrive, position: float | None = None, frequencies: Any = No
     velocity_response : m/s over frequency
         magnitude of velocity over command
     velocity_magnitude : dB over frequency
-        the same, in dB re 1 m/s
+        magnitude of velocity over command, in dB re 1 m/s
     velocity_phase : deg over frequency
-        its phase
+        phase of velocity over command
     position_response : m over frequency
         magnitude of position over command
     pressure_response : Pa over frequency
@@ -100,7 +100,7 @@ def _bode(plant: HeldDrive, position: float | None = None, frequencies: Any = No
     peak : dB
         largest magnitude of velocity over command, in dB re 1 m/s
     damping_ratio : 1
-        of the oscillation nearest to the resonance; none without an oscillation
+        damping ratio of the oscillation nearest to the resonance; none without an oscillation
     """
     x = plant.middle_m if position is None else position
     linear = linear_model(plant, open_command(plant, 0.0), x, moving_gas(plant), "sliding")

@@ -227,15 +227,15 @@ def _impact(plant: HeldDrive) -> Found:
     end_energy : J over command, direction
         kinetic energy of the moving mass at the fastest contact with the end
     absorbed_energy : J over command, direction
-        absorbed by the end stop until rest: kinetic energy and work of the gas
+        energy that the end stop absorbs until rest: kinetic energy and work of the gas
     peak_force : N over command, direction
         largest force of the end stop
     depth : m over command, direction
-        into the end stop
+        largest penetration of the piston into the end stop
     mean_speed : m/s over command, direction
         stroke over stroke time
     stroke_time : s over command, direction
-        from the command, from rest, to the first contact with the end
+        time of a stroke from rest, from the command to the first contact with the end
     end_over_mean_speed : 1 over command, direction
         end speed divided by mean speed (makers assume 1.4 to 1.5)
     """

@@ -70,9 +70,9 @@ def _velocity(plant: HeldDrive) -> Found:
     pressure_b : Pa over command, load_force
         absolute pressure in chamber b
     velocity_gain : m/s over direction
-        slope of velocity over command between these two commands
+        slope of velocity over command between the two commands of the definition
     dead_zone : 1 over direction
-        command at which that line crosses zero velocity
+        command at which the line through these two points has zero velocity
     """
     sizes = plant.sizes(COMMANDS)
     commands = np.array([*(-u for u in reversed(sizes)), *sizes])
@@ -183,7 +183,7 @@ def _pressure_gain(plant: HeldDrive) -> Found:
     pressure_difference : Pa over command
         pressure a minus pressure b, piston blocked
     pressure_gain : Pa
-        its slope at a small command; infinite without leakage
+        slope of the pressure difference at a small command; infinite without leakage
     centre_pressure_a : Pa
         absolute pressure in chamber a at the centre
     centre_pressure_b : Pa
@@ -289,9 +289,9 @@ def _stiffness(plant: HeldDrive, pressures: Any = None) -> Found:  # noqa: ANN40
     loss_factor : 1 over frequency
         imaginary over real part of the stiffness, by heat exchange and by flow through the valve
     largest_loss_factor : 1
-        its largest value
+        largest value of the loss factor
     loss_frequency : Hz
-        where it is largest
+        frequency of the largest loss factor
     """
     positions = [share * plant.stroke_m for share in STROKE_SHARES]
     levels = levels_of(plant, pressures)
@@ -352,7 +352,7 @@ def _frequency(plant: HeldDrive, pressures: Any = None) -> Found:  # noqa: ANN40
     mode_frequency : Hz over position, pressure
         magnitude of the eigenvalue pair, with sliding friction and heat; 0 if overdamped
     damping_ratio : 1 over position, pressure
-        of that pair
+        damping ratio of that eigenvalue pair
     frequency_by_mass : Hz over mass, pressure
         natural frequency at mid stroke with other masses
     """

@@ -246,9 +246,7 @@ def _ends(key: object, given: object) -> tuple[str, str]:
     if not are_finite or not isinstance(unit, str) or not _UNIT.fullmatch(unit):
         raise CommandError(f"the spread of {key} must be two numbers", remedy="Give two numbers.")
     if not low < high:
-        raise CommandError(
-            f"the spread of {key} is empty", value=f"{low:g} to {high:g}", rule="the first end must be below the second"
-        )
+        raise CommandError(f"the spread of {key} is empty", value=f"{low:g} to {high:g}", rule="low < high")
     return f"{low!r} {unit}".strip(), f"{high!r} {unit}".strip()
 
 

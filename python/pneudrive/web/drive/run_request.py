@@ -54,7 +54,7 @@ Changes = Annotated[dict[str, Value], AfterValidator(check_changes)]
 
 
 class RunLimit:
-    """Cancel flag of a run. The reader of the result may set it, and the time limit sets it."""
+    """Cancel flag of a run. It is set by the reader of the result, or after the time limit."""
 
     def __init__(self, seconds: float = MOST_SECONDS) -> None:
         self.cancelled = False

@@ -118,7 +118,7 @@ class CircuitText:
         return found
 
     def add(self, kind: str, at: str) -> str:
-        """Add a component at a port and return its name. A component with two ports may be inserted into its line."""
+        """Add a component at a port and return its name. It is put into the line of this port if gas passes it."""
         if kind not in STARTERS:
             raise CommandError(f"{kind[:80]!r} cannot be added here", rule=", ".join(STARTERS))
         port = self._port(at)

@@ -219,10 +219,7 @@ class ViewRequest(PageRequest):
             The times do not increase, or the drawing is too wide.
         """
         if not (self.start < self.end and 1 <= self.pixels <= MOST_PIXELS):
-            raise CommandError(
-                "the view is out of bounds",
-                rule=f"the start must be before the end, and the width 1 to {MOST_PIXELS} pixels",
-            )
+            raise CommandError("the view is out of bounds", rule=f"start < end, 1 to {MOST_PIXELS} pixels")
         return self.start, self.end
 
     def columns_in(self, recording: OpenRecording) -> list[str]:
