@@ -40,7 +40,7 @@ def present(data: Any) -> Any:  # noqa: ANN401 - JSON
 
 
 def holds(rule: str, check: Callable[[Any], bool]) -> pydantic.AfterValidator:
-    """Return a validator for a value from JSON. Messages show the rule."""
+    """Return a validator that applies `check` to a value from JSON. Its error message states `rule`."""
 
     def checked(value: T) -> T:
         if check(value):

@@ -33,7 +33,9 @@ Mass = Annotated[float, Quantity("kg", bounds=NOT_NEGATIVE)]
 
 
 def _channels(mark: Callable[[str], Mark], **others: tuple[str, Mark]) -> Reads:
-    """Return the annotation of a table by channel. The values are stored by the names of the channels in `Identity`.
+    """Return the annotation of a table with one value per channel.
+
+    Values are stored under the channel names of `Identity`.
 
     Parameters
     ----------
@@ -65,7 +67,10 @@ _FREQUENCIES = _channels(lambda _: Quantity("1/s", bounds=POSITIVE))
 
 
 class IdentityTable(PistonTable):
-    """``[identity]``: identity of the rig and calibration of its sensors. Areas are given by bore, or directly."""
+    """``[identity]``: identity of the rig and calibration of its sensors.
+
+    Piston areas are stated directly, or by the bore.
+    """
 
     table_name = "identity"
     name: str

@@ -309,7 +309,7 @@ def _sweep(plan: Plan, pair: Pair, turn: str, speed: float) -> Planned:
 def _stop(
     plan: Plan, pair: Pair, position: AxisPosition, released: bool, speed: float, direction: str, stop_s: float
 ) -> Planned:
-    """Return a stop: preconditioning, uninterrupted stroke, interrupted stroke, way back."""
+    """Return the cycle of a stop: preconditioning strokes, uninterrupted stroke, interrupted stroke, return stroke."""
     stop, (low, high) = plan.protocol.stop, plan.ends_m
     assert stop is not None
     back, at = stop.preconditioning.speed_m_s, position.at(low, high)

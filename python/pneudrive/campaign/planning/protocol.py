@@ -53,7 +53,7 @@ VENTED = Pair(AMBIENT, AMBIENT)
 
 
 def _average(given: object) -> int:
-    """Read a number of samples, or ``"none"`` for 1."""
+    """Read the number of samples of a moving average; ``"none"`` means 1."""
     if given == "none":
         return 1
     if isinstance(given, bool) or not isinstance(given, int) or given < 1:

@@ -170,8 +170,9 @@ class Options:
 class CampaignRun:
     """A running campaign: runs the cycles, serves requests and stores results.
 
-    The thread that calls `run` decides and writes. The rig's methods run on another thread. While the first thread
-    waits for the rig, it serves requests to pause, stop and end. Requests do not interrupt the writing of a cycle.
+    The thread that calls `run` controls the campaign and stores the cycles. The rig's methods run on another thread.
+    While the first thread waits for the rig, it serves requests to pause, stop and end. Requests do not interrupt the
+    writing of a cycle.
 
     Parameters
     ----------

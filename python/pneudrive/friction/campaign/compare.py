@@ -322,7 +322,7 @@ class Comparison(Viewed):
     tests : tuple of Test
     curves : CurveComparison or None
     dwell : tuple of (DwellSeries, DwellSeries)
-        Series that were compared.
+        Pairs of stop series (first, second campaign) that were compared.
     statements : tuple of Statement
     """
 

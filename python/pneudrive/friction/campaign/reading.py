@@ -5,7 +5,8 @@ out and listed. Several processes read the cycles.
 
 Recordings are treated as a campaign without a plan: each speed level of each recording is a cycle. Measured speeds and
 pressures replace the set values. Pressures that differ by less than 0.1 bar form one condition. The labels of a
-recording state seal, mounting and drive, and each run is a block. The order of the recordings in time is unknown.
+recording state seal, mounting and drive, and each value of the label ``run`` is a block. The order of the recordings in
+time is unknown.
 """
 
 from __future__ import annotations

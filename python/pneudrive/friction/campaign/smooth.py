@@ -175,7 +175,7 @@ class CurveFit:
         return mixed.Functionals(self.fit, fixed, data.kernels(at, (data.speed_m_s, data.curve)), data.kernels(at, at))
 
     def steady(self) -> Array:
-        """Return the value (n,) of the curve at each observation, in the unit of the response; NaN without a curve."""
+        """Return the curve at each observation, in the unit of the response; NaN without a curve (shape (n,))."""
         found = np.full(len(self.data), np.nan)
         for number in range(self.data.curve.max() + 1):
             members = self.data.curve == number
@@ -184,7 +184,7 @@ class CurveFit:
 
 
 def determines_drift(data: CurveData) -> bool:
-    """Return whether curves could absorb only a part of a steady drift; False if the order determines the speed."""
+    """Return whether curves could absorb only a part of a steady drift; False if speed follows the order of cycles."""
     on = data.curve >= 0
     if on.sum() < 3 or np.ptp(data.order[on]) == 0:
         return False

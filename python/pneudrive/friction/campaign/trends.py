@@ -219,9 +219,9 @@ def _trend(position: Array, rows: Array, slowness: Array, waves: Sequence[float]
     """Estimate the common trend along x without the drift of the sensor's zero, and the rate of this drift in N/s.
 
     The zero drifts during a cycle. In strokes towards +x, the drift grows along x; in strokes towards -x, it falls
-    along x. In half the difference, it appears as a slope of rate / speed. This affects slow cycles most, and because
-    the rate varies, slow cycles have the least weight in the trend. An error of a wave's length looks partly like a
-    trend. The wave lengths of each cycle may therefore deviate slightly.
+    along x. In half the difference of both directions, the drift appears as a slope of rate / speed over x. This
+    affects slow cycles most, and because the rate varies, slow cycles have the least weight in the trend. An error of a
+    wave's length looks partly like a trend. The wave lengths of each cycle may therefore deviate slightly.
     """
     # Relative trend of friction along x in each cycle, and its variance from noise within the cycle.
     columns = _columns(position, waves)

@@ -244,7 +244,7 @@ class RigServer:
         return [first] * (ring.chunk if name in IN_RING else ring.steps) if kind.array else first
 
     async def _show(self, values: Plain, slot: int = 0) -> None:
-        """Publish values in SI."""
+        """Publish values in SI on their nodes."""
         for name, value in values.items():
             if name not in self._ids:
                 continue  # a constant

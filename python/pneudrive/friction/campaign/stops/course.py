@@ -305,7 +305,7 @@ def running_level(
     ----------
     recording : Recording
     friction_n : ndarray, shape (n,)
-        direction * balance.
+        Force balance times direction, in N.
     phases : Phases
     own, others : sequence of UninterruptedStroke
         Strokes of this cycle, and of others.
@@ -396,7 +396,7 @@ def bin_excess(
     ----------
     recording : Recording
     friction_n : ndarray, shape (n,)
-        direction * balance.
+        Force balance times direction, in N.
     part : slice
         Samples from the peak to the end of the part at constant speed.
     direction : int

@@ -1,7 +1,8 @@
 """Stops in the middle of a move: relaxation while held, breakaway peak, return to uninterrupted sliding.
 
 Every result is a difference within one move, or to an uninterrupted move of the same cycle, so that the zero of the
-sensor and slow drift cancel. Samples are raw. Friction is direction * balance here, and still contains the offset.
+sensor and slow drift cancel. Samples are raw. Friction is the force balance times the direction here, and still
+contains the offset.
 
 All stops of a campaign form one table, in memory and as a file.
 
