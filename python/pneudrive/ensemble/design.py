@@ -54,7 +54,7 @@ class Distribution:
         return own
 
     def quantile(self, share: Array) -> Array:
-        """Return the quantiles at these probabilities in SI."""
+        """Return the quantiles at the probabilities `share`, in SI."""
         raise NotImplementedError
 
     def _read(self, read: QuantityReader) -> Self:

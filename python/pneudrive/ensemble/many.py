@@ -79,7 +79,7 @@ class EnsembleStudy:
     first: int = 0
 
     def about(self) -> Plain:
-        """Return all inputs that determine the results, as plain data. Equal start states have equal texts."""
+        """Return all inputs that determine the results, as plain data. Start values are written as text."""
         drive, start = self.variation.drive, self.variation.initial
         start = drive.core_initial(start) if self.variation.is_circuit else start  # also that of a circuit file
         return {

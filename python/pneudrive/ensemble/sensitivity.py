@@ -211,7 +211,7 @@ def sobol_indices(
 
 
 def _indices(f: Array) -> Array:
-    """Return first and total order of one output, shape (2, d, ...).
+    """Return the Sobol indices of first and total order of one output, shape (2, d, ...).
 
     The first order is Saltelli's estimator of 2010, ``S_i = mean(f_B (f_ABi - f_A)) / V``. The total is Jansen's, ``T_i
     = mean((f_A - f_ABi)^2) / (2 V)``. V is the variance of f over A and B. The mean of f is subtracted

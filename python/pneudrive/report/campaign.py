@@ -243,7 +243,7 @@ def position(topic: Topic, found: CampaignCharacteristics) -> Blocks:
 
 
 def drift(topic: Topic, found: CampaignCharacteristics) -> Blocks:
-    """Show the drift over the campaign with its sentinels, and the zero of the sensor."""
+    """Show the drift over the campaign, with the sentinels (repeats of one speed), and the zero of the sensor."""
     d = found.drift
     if d is None:
         return
@@ -312,7 +312,7 @@ SHAPES = {"t0": "t0", "tau": "τ", "gamma": "γ", "m": "m"}
 
 
 def stops(topic: Topic, found: CampaignCharacteristics) -> Blocks:
-    """Show stops: traces, breakaway over duration, relaxation and recovery."""
+    """Show stops: force over time, breakaway over the stop duration, relaxation and recovery."""
     if not len(found.stops):
         return
     yield topic.text(stops=plural(len(found.stops), "stop"))

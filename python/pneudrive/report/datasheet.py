@@ -236,7 +236,7 @@ def sheet_view(found: Datasheet) -> View:
 
 
 def _leading(found: Datasheet) -> Iterator[ShownValue]:
-    """Yield stroke times and the harder impact with its assumed limit, if the piston reaches its ends, and air use."""
+    """Yield stroke times and the harder impact with its limit, if the piston reaches its ends, and air consumption."""
     square = found.results.get("square-response")
     if square is not None and square.stroke_time.notnull().all():
         for way, time in zip(("out", "back"), square.stroke_time.to_numpy(), strict=True):

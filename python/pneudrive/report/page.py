@@ -288,7 +288,7 @@ _FORMS: Mapping[str, Callable[[Any], str]] = {
 
 
 def cell(value: Any, form: str) -> str:  # noqa: ANN401 - whatever results hold
-    """Return a value as text: an estimate with its interval, a missing value as a dash, form ``%.1f`` in percent."""
+    """Return a value as text: an estimate with its interval, a missing value as a dash. ``%.1f`` formats percent."""
     if isinstance(value, str):
         return value
     if value is None or (isinstance(value, float) and not math.isfinite(value)):
@@ -409,7 +409,7 @@ def sections_of(
     found: Any,  # noqa: ANN401 - any result
     synthetic: bool | None = None,
 ) -> list[Section]:
-    """Return the sections of a result. A function of `parts` yields its blocks. Empty sections are left out."""
+    """Return the sections of a result. Each function in `parts` yields blocks. Sections without blocks are left out."""
     filled = ((topic := Topic(page, key), tuple(part(topic, found))) for key, part in parts.items())
     return [topic.section(*blocks, synthetic=synthetic) for topic, blocks in filled if blocks]
 

@@ -367,7 +367,7 @@ def platform_run_view(platform: Platform, columns: Columns) -> View:
 
 
 def _answer(platform: Platform, columns: Columns) -> tuple[list[str], tuple[ShownValue, ...]]:
-    """Return sentences on a run, and its leading values: path error, end positions of the legs, singularity, forces."""
+    """Return sentences on a run, and its leading values: path error, distance to stroke ends, singularity, force."""
     own, legs = platform.name, platform.legs
     leading = []
     errors = [

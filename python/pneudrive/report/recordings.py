@@ -289,7 +289,7 @@ def speed_figure(groups: list[tuple[MapGroup, list[ShownCurve]]], fits: Fits) ->
 
 
 def recovered(found: Characterisation) -> Array:
-    """Return error, standard error and U (k = 2) of the friction of simulated recordings, N (3, recordings)."""
+    """Return error, standard error and U (k = 2) of the friction of simulated recordings, in N (3, recordings)."""
     rows = []
     for result in found.results:
         truth, levels = result.recording.truth or {}, result.levels
@@ -382,7 +382,7 @@ def _values(found: Characterisation) -> Iterator[ShownValue]:
 
 
 def _effects(found: Characterisation) -> Iterator[ShownValue]:
-    """Yield the largest change with pressure, the spread between runs, and the largest zero error of the force."""
+    """Yield the largest change of friction with pressure, the spread between runs, and the largest force zero."""
     if found.pressure_lines:
         line = max(found.pressure_lines, key=lambda line: abs(line.slope_n_pa))
         name = f"friction per pressure ({line.seal})"

@@ -45,7 +45,7 @@ _KEY = re.compile(r"\[([\w-]+)\]")
 
 
 def sizing_view(found: SizingResult) -> View:
-    """Return the view of a sizing: answer, open checks with remedies, candidates with limits, and time over air."""
+    """Return the view of a sizing: answer, open checks with remedies, candidates with limits, plot of time over air."""
     topic, cheaper = Topic("sizing", "candidates"), found.cheaper[:WRITTEN]
     best = {found.ranked.index(drive) + 1: drive for drive in found.by_cylinder}
     rows = (

@@ -83,7 +83,7 @@ def creep(law: str) -> xr.Dataset:
 
 
 def figure_1(seed: int = 0) -> PaperFigure:
-    """Return stick-slip in sensor readings of a drive: position in counts, speed from its slope, noisy pressures."""
+    """Return stick-slip in sensor readings of the slow drive: quantised position, its slope, noisy pressures."""
     run = creep("lugre")
     rng = np.random.default_rng(seed)
     time = run.time.to_numpy()
@@ -112,7 +112,7 @@ def figure_1(seed: int = 0) -> PaperFigure:
 
 
 def measure_faster() -> StickSlip:
-    """Measure the motion of the same drive through the middle of its stroke with the valve further open."""
+    """Measure the motion of the slow drive through the middle of its stroke, with the valve further open."""
     run = pn.simulate(
         slow_drive(), [(0.0, FASTER * OPENING["lugre"])], FASTER_S, initial=START, sample_rate=SAMPLE_RATE
     )
@@ -122,7 +122,7 @@ def measure_faster() -> StickSlip:
 
 
 def figure_2() -> PaperFigure:
-    """Return stick-slip of the same drive simulated with the LuGre law."""
+    """Return stick-slip of the slow drive, simulated with the LuGre law."""
     motion = columns(creep("lugre"))
     found = whole_periods(motion)
     verdicts = {
@@ -133,7 +133,7 @@ def figure_2() -> PaperFigure:
 
 
 def figure_3() -> PaperFigure:
-    """Return stick-slip of the same drive with Coulomb and Stribeck friction combined, sticking exactly."""
+    """Return stick-slip of the slow drive with combined Coulomb and Stribeck friction, exactly at rest when stuck."""
     motion = columns(creep("stribeck"))
     found = whole_periods(motion)
     still = np.mean(motion["velocity_m_s"] == 0.0)
