@@ -164,7 +164,7 @@ def _output(out: Path) -> Iterator[Path]:
 def write_map_and_fits(
     found: characterisation.Characterisation, folder: Path
 ) -> tuple[list[Path], static_fits.GroupFits, list[str]]:
-    """Write the friction map of recordings in both formats, then its fits, which name its file."""
+    """Write the friction map of recordings in both formats, then its fits. Each fit names the map file."""
     written = [friction_map.write_map(found.friction_map, folder / f"map.{end}") for end in ("parquet", "csv")]
     fits, problems = static_fits.fit_characterisation(found)
     return written + _write_fits(fits, folder, whole=friction_map.ALL_RECORDINGS), fits, problems

@@ -152,7 +152,7 @@ def file_name(text: str) -> str:
 
 
 def show_fit(fit: Fit, out: Path | None, report: Path | None) -> None:
-    """Print a fit, and write its file and its page."""
+    """Print a fit, and write its file and its report."""
     show_view(fit.view())
     write_outputs((out, fit.to_toml))
     if report is not None:

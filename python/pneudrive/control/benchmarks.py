@@ -470,9 +470,9 @@ SPREAD_SEED, MOST_TRUTHS = 0, 64  # seed of a spread's samples; members that are
 def standard(drive: DriveOrCircuit) -> dict[str, Reference]:
     """Return the standard references for a drive, slowed if they exceed 85 % of its speeds at full opening.
 
-    R1 and R2: sines of 60 mm, 0.5 and 1 Hz, about mid stroke. R3: stairs, 60 mm forth and back in 0.3 s, then to 0.8
-    and to 0.2 of the stroke. R4: ramps of 1, 10 and 100 mm/s. R5: 60 mm in 0.3 s and 40 s of rest. R6: 0.6 of the
-    stroke in 0.25 s.
+    R1 and R2 are sines of 60 mm about mid stroke, at 0.5 and 1 Hz. R3 moves 60 mm forth and back in 0.3 s, then to 0.8
+    and to 0.2 of the stroke. R4 has ramps of 1, 10 and 100 mm/s. R5 moves 60 mm in 0.3 s and rests for 40 s. R6 moves
+    over 0.6 of the stroke in 0.25 s.
     For a stroke below 200 mm, 0.3 of the stroke replaces 60 mm. `feasibility` also checks whether the force suffices.
 
     Raises

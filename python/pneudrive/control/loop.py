@@ -1,4 +1,4 @@
-"""A drive along a reference: feasibility by inverse dynamics, suitability of controllers, runs under control."""
+"""Control of a drive along a reference: feasibility by inverse dynamics, suitability of controllers, and runs."""
 
 from __future__ import annotations
 
@@ -636,7 +636,7 @@ def provenance_of(
     reference: str,
     seed: int,
 ) -> Plain:
-    """Return the provenance that runs of an axis and of a platform have in common."""
+    """Return the entries of provenance that are common to runs of an axis and of a platform."""
     read, name = setup
     assumed = [f"setup {name}: {read.about}"] if name in ready_setups() else []
     return made_from(circuit, RTOL) | {

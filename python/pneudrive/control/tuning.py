@@ -329,7 +329,7 @@ class Tuning(Viewed):
 
     @property
     def drive(self) -> Circuit:
-        """Drive that the controller assumes, under the name by which a custom law reads it."""
+        """Drive that the controller assumes. A custom law reads it under this name."""
         return self.belief
 
     @property

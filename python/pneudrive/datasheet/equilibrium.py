@@ -176,7 +176,7 @@ def full_speeds(drive: DriveOrCircuit, otherwise: float) -> Pair:
 
 
 class _SteadySearch:
-    """Search for a steady state: implicit integration at mid stroke with growing steps.
+    """Search for a steady state by implicit integration at mid stroke with growing steps.
 
     Unknowns are ln p and ln T of all nodes and, under a load in N, the velocity. Without a load, the piston is pinned.
     A step is an implicit Euler step. As it grows, it becomes a Newton step. The search therefore follows the motion of

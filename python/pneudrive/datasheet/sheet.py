@@ -178,7 +178,7 @@ class Datasheet(Viewed):
 
     @property
     def notes(self) -> list[str]:
-        """Stroke, impact and air of a cycle in words."""
+        """Sentences on stroke, impact and air of a cycle."""
         at, lines = {number.name: number for number in self.numbers}, []
         if "stroke time" in at:
             time, where = at["stroke time"], f"{plain(1e-5 * self.supply_pa)} bar abs"

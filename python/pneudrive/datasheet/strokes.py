@@ -1,4 +1,4 @@
-"""Numbers of one stroke: the same definitions for a trajectory and for a recording."""
+"""Numbers of one stroke, with the same definitions for trajectories and recordings."""
 
 from __future__ import annotations
 

@@ -154,7 +154,7 @@ def explained(draws: Array, margins: Array) -> NamedNumbers:
 
 
 class Shortage(NamedTuple):
-    """Limit that excludes choices of parts, because they miss it.
+    """Limit that excludes choices of parts, because they do not meet it.
 
     Attributes
     ----------
@@ -280,9 +280,9 @@ def _check(
 def mechanical_checks(cylinder: PartChoice, task: SizingTask, end_speed: float = 0.0) -> Iterator[MachineCheck]:
     """Yield the checks that depend only on cylinder and task: side load, supply pressure, buckling, stroke and speed.
 
-    Without a guide, the cylinder carries the weight of the load across its axis. Its speed, also with such a load, is
-    the larger of `end_speed` (m/s) and the mean speed of the task. The largest force on the rod results from the
-    highest supply pressure on the whole piston.
+    Without a guide, the cylinder carries the weight of the load across its axis. The speed
+    in the checks is the larger of `end_speed` (m/s) and the mean speed of the task. The largest force on the rod
+    results from the highest supply pressure on the whole piston.
     """
     speed, sheet = max(end_speed, task.stroke_m / min(task.outward_s, task.back_s)), "maker's sheet of the cylinder"
     if task.guide == "none" and task.across_n:

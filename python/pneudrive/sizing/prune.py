@@ -184,7 +184,7 @@ def nearest_possible(task: SizingTask, found: Parts, bounds: SafeBounds) -> list
 
 
 def _nearest_factor(is_possible: Callable[[float], bool], farthest: float) -> float | None:
-    """Return the possible factor above 1 that is nearest to 1. Larger factors may fail, because rods buckle."""
+    """Return the smallest factor above 1 that makes the task possible. Larger factors may fail, because rods buckle."""
     step = math.log(farthest) / TRIED
     far = next((k * step for k in range(1, TRIED + 1) if is_possible(math.exp(k * step))), None)
     if far is None:

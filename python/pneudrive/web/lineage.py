@@ -88,7 +88,7 @@ class Lineage:
         return by_stem(self.files.values())
 
     def _read(self, read: Callable[..., Any], path: str, *of: Any) -> Any:  # noqa: ANN401 - content of the file, or its hash
-        """Return the result of a function for a file, cached until the file changes; None for an unreadable file."""
+        """Return the result of `read` for a file, cached until the file changes; None for an unreadable file."""
         return _kept(read, self.workspace, path, self.files[path].changed if path in self.files else 0.0, *of)
 
     def edges(self, path: str) -> list[Edge]:

@@ -1,4 +1,4 @@
-"""Requests of the page as models, command and Python lines that repeat requests, and answers: problems, data, frames.
+"""Models of requests of the page, command and Python lines that repeat them, and answers: problems, data, frames.
 
 A frame consists of the length of its head (4 bytes, little-endian), the head (JSON), and arrays, each aligned to 8
 bytes, which the page reads in place.

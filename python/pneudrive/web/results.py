@@ -1,4 +1,4 @@
-"""Views of results for the page, and the lines of its overview."""
+"""Views of results for the page, and the summary lines of its overview."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A platform under control: its legs as axes with a controller each, one run, one score."""
+"""Simulation and score of a platform under control. Each leg is an axis with its own controller."""
 
 from __future__ import annotations
 

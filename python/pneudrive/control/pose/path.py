@@ -72,7 +72,7 @@ class CoordinatePath(NamedTuple):
         return self.amplitude * grown + np.array([[self.centre], [0.0], [0.0]])
 
     def _until(self, end_s: float) -> list[ReferenceMove]:
-        """Return the moves that begin up to a given time."""
+        """Return the moves that begin no later than a given time."""
         if self.kind == "moves":
             if math.isinf(self.period_s):
                 return list(self.moves)

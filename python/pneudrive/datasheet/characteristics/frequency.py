@@ -190,7 +190,7 @@ def _over_grid(
 
 
 def _over_sine(values: Array, amplitude: float) -> tuple[float, float, float]:
-    """Return gain and phase, in degrees, of the first harmonic relative to a sine, and the distortion."""
+    """Return gain and phase (degrees) of the first harmonic relative to the sinusoidal input, and the distortion."""
     spectrum = np.fft.rfft(values)[::COUNTED] * 2.0 / (COUNTED * STEPS)
     first = spectrum[1] * 1j
     distortion = float(np.sqrt(np.sum(np.abs(spectrum[2 : HARMONICS + 1]) ** 2))) / abs(first)

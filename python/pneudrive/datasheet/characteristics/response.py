@@ -162,9 +162,9 @@ def _numbers(motion: StrokeRun, dims: tuple[str, ...]) -> dict[str, ResultValue]
 def _step(plant: HeldDrive, command: float = 1.0, position: float | None = None, pressures: Any = None) -> Found:  # noqa: ANN401
     """Response to a step.
 
-    One stroke from rest. The stroke time runs from the command to the first contact with the end, the dead time
-    until 0.2 % of the distance. The rise time runs from 10 % to 90 % of the distance. The settling time ends when
-    the position stays within 1 % of the distance.
+    One stroke from rest. The stroke time runs from the command to the first contact with the end, the dead time from
+    the command to 0.2 % of the distance. The rise time runs from 10 % to 90 % of the distance. The settling time ends
+    when the position stays within 1 % of the distance.
 
     Settings
     --------
@@ -371,13 +371,13 @@ def _times(plant: HeldDrive) -> Found:
     Results
     -------
     time : s
-        time from the command to switch on
+        time from the switch-on command
     outlet_pressure : Pa over time
         absolute pressure at the outlet
     time_on : s
-        from the command to switch on, to 10 % of the rise at the outlet
+        time from the switch-on command to 10 % of the rise at the outlet
     time_off : s
-        from the command to switch off, to 10 % of the fall at the outlet
+        time from the switch-off command to 10 % of the fall at the outlet
     """  # noqa: D401 - a title
     table = plant.table(plant.valve)
     if "time_on" not in table:

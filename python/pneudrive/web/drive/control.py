@@ -419,7 +419,7 @@ def shown_tracks(
     reference: str,
     pixels: Annotated[int, bounded(1, MOST_PIXELS, f"1 to {MOST_PIXELS} pixels")] = 1000,
 ) -> bytes:
-    """Return the tracks of all controllers and their errors as a frame, with each controller's first run.
+    """Return the tracks of all controllers and their errors as a frame, from the first run of each controller.
 
     Raises
     ------

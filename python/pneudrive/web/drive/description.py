@@ -187,7 +187,7 @@ def with_part(text: str, table: str, part: str) -> Plain:
 
 
 def _has_keys(entry: Any) -> bool:  # noqa: ANN401 - of tomlkit
-    """Return whether an entry is a table of values, and not one value with its origin."""
+    """Return whether an entry is a table of values, instead of a single value with its origin."""
     return hasattr(entry, "keys") and ("value" not in entry or hasattr(entry["value"], "keys"))
 
 
