@@ -122,7 +122,7 @@ def test_lines_on_the_command_line(tmp_path, capsys, printed):
     assert "overlap, leakage, hysteresis = 0, as in an ideal valve" in printed(["check", "catalogue:reference"])
     path.write_text(SHORT.replace('stroke = "100 mm"', 'stroke = "500 m"'))
     run(["check", str(path)])
-    assert "cylinder.stroke = 500000 mm; check the unit: usual are 1 mm to" in capsys.readouterr().out
+    assert "cylinder.stroke = 500000 mm; check the unit: usual sizes are 1 mm to" in capsys.readouterr().out
 
 
 def test_what_a_user_changes_is_not_assumed_by_the_catalogue(tmp_path):

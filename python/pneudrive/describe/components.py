@@ -254,7 +254,7 @@ def unusual_sizes(description: Described, usual: Mapping[str, Interval]) -> Iter
         size = getattr(description, key, None)
         if size is not None and not low <= size <= high:
             least, most = (UnitFloat(end, size.si_unit, size.unit) for end in (low, high))
-            yield key, size, low if size < low else high, f"check the unit: usual are {least} to {most} (assumed)"
+            yield key, size, low if size < low else high, f"check the unit: usual sizes are {least} to {most} (assumed)"
 
 
 def component(table: Keyed) -> Component:

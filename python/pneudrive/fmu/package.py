@@ -119,7 +119,7 @@ def description(plan: FmuPlan, version: str) -> bytes:
 
 
 def compiled_files(plan: FmuPlan, version: str) -> tuple[str, ...]:
-    """Return the names of the C files that a tool compiles."""
+    """Return the names of the C files of a controller that the importing tool compiles."""
     return (f"fmi{version[0]}.c", *(name for name, _ in plan.code if name.endswith(".c")))
 
 
@@ -216,13 +216,13 @@ _OK = 0
 
 
 def binary_name() -> str:
-    """Return the file name of the library on this platform."""
+    """Return the file name of the FMU library on this platform."""
     return f"libpneudrive{PLATFORMS.get(sys.platform, PLATFORMS['linux'])[0]}"
 
 
 @lru_cache(maxsize=1)
 def binary_path() -> Path:
-    """Return the library of this installation.
+    """Return the path of the FMU library of this installation.
 
     Raises
     ------
@@ -237,7 +237,7 @@ def binary_path() -> Path:
 
 @lru_cache(maxsize=1)
 def load_library() -> ctypes.CDLL:
-    """Return the library in this process, as C functions."""
+    """Return the FMU library, loaded into this process."""
     library = ctypes.CDLL(str(binary_path()))
     library.fmi3InstantiateModelExchange.restype = ctypes.c_void_p
     return library
@@ -247,12 +247,12 @@ _LOG = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_int, ctypes.c_char_p, ct
 
 
 def try_plan(json: str, token: str, states: int) -> tuple[int, list[float]]:
-    """Check and start a plan in the library; return the number of its event indicators and the sizes of its states.
+    """Start a plan in the library, and return its number of event indicators and the nominal values of its states.
 
     Parameters
     ----------
     json, token : str
-        Form and token of a `pneudrive.fmu.variables.FmuPlan`.
+        Results of `FmuPlan.json` and `FmuPlan.token`.
     states : int
         Number of states that the other tool integrates.
 
@@ -307,7 +307,7 @@ _OPTIONS = ("-std=c99", "-O2", "-ffp-contract=off", "-fPIC", "-shared")
 
 
 def _variables(plan: FmuPlan) -> str:
-    """Return the C header with the names of the model's variables for the interface."""
+    """Return the C header that defines the names of the FMI interface for the types and functions of a controller."""
     name = plan.identifier
     counts = {kind: sum(one.causality == kind for one in plan.variables) for kind in ("input", "parameter", "output")}
     types = "".join(f"typedef {name}_{own} model_{own};\n" for own in ("input", "parameters", "output", "memory"))
@@ -320,7 +320,7 @@ def _variables(plan: FmuPlan) -> str:
 
 
 def _compiled(files: dict[str, bytes], sources: tuple[str, ...]) -> bytes | None:
-    """Return the library, or None without a C compiler."""
+    """Return the library that the C compiler of this machine builds, or None without a compiler."""
     compiler = shutil.which(os.environ.get("CC", "cc"))
     if compiler is None:
         return None
@@ -412,7 +412,7 @@ def export_fmu(
     path : path-like
         File ending in ``.fmu``.
     version : str
-        ``"2.0"`` or ``"3.0"``, of the Functional Mock-up Interface.
+        Version of the Functional Mock-up Interface, ``"2.0"`` or ``"3.0"``.
     actuator : bool
         Whether the other tool moves the piston. Position and velocity are then inputs, and the force on the moved body
         is an output. This requires model exchange, and a friction law with bristles.
@@ -445,7 +445,7 @@ def check_fmu(path: str | Path, version: str) -> Path:
 
 
 def write_fmu(plan: FmuPlan, target: Path, version: str) -> FmuFile:
-    """Write the description, and the plan with the library or the source code, as an archive."""
+    """Write an FMU: its description, and either the plan and the library or the source code of a controller."""
     suffix, *folders = PLATFORMS.get(sys.platform, PLATFORMS["linux"])
     place = f"binaries/{folders[version != '2.0']}/{plan.identifier}{suffix}"
     if not plan.code:

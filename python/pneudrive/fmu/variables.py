@@ -44,7 +44,7 @@ class FmuVariable:
     causality : str
         ``independent``, ``parameter``, ``input``, ``output`` or ``local``.
     role : dict
-        Role of the variable in the library. ``discrete``: whether an input changes only at events.
+        Role of the variable in the library. Its entry ``discrete`` states whether an input changes only at events.
     start : float or None
         Start value of a parameter or an input.
     rate_of : str
@@ -108,7 +108,7 @@ class FmuPlan:
     identifier: str = "pneudrive"
 
     def json(self) -> str:
-        """Return the plan in the form of the library, with its token."""
+        """Return the plan with its token as JSON, in the form that the library reads."""
         own = {
             **({} if self.law is None else {"law": self.law}),
             "circuit": self.form,
@@ -220,7 +220,7 @@ def _inputs(session: CoreSession, form: Plain, is_short: bool, actuator: bool) -
 
 
 def _parameters(described: DriveOrCircuit, form: Plain) -> Iterator[FmuVariable]:
-    """Yield the numbers of the circuit, by their keys in the drive file."""
+    """Yield the numbers of the circuit as parameters, named by their keys in the file."""
     is_short = described.system.names is not None
     components = {one["name"]: (i, one) for i, one in enumerate(form["components"])}
     for name, path, value, row in component_numbers(form):
@@ -254,7 +254,7 @@ def _parameters(described: DriveOrCircuit, form: Plain) -> Iterator[FmuVariable]
 
 
 def _starts(start: NamedNumbers, is_short: bool, actuator: bool) -> Iterator[FmuVariable]:
-    """Yield the numbers of the start. Gas in a tube of a drive starts at the pressure of its chamber."""
+    """Yield the start values as parameters. Gas in a tube of a drive starts at the pressure of its chamber."""
     followers: dict[str, list[str]] = {}
     for core in start:
         last = core.rpartition(".")[2]

@@ -52,9 +52,9 @@ LAW = "friction.parameters."
 
 
 def component_numbers(form: Plain) -> Iterator[tuple[str, str, float, Plain]]:
-    """Yield name in the drive file, path, value and core entry of each number of a form, except friction.
+    """Yield each number of the components, except friction: name in the drive file, path, value, the core's entry.
 
-    The entry of a number without derivatives is marked ``discrete``.
+    The entry has ``discrete`` = True if runs have no derivative with respect to the number.
     """
     for component in form["components"]:
         own, kind = component["name"], component_kinds()[component["kind"]]
@@ -67,7 +67,7 @@ def component_numbers(form: Plain) -> Iterator[tuple[str, str, float, Plain]]:
 
 
 def at_rest(name: str, pressures: ArrayPair | Pair, temperature_k: float) -> Array | float:
-    """Return the start value of a friction state or of gas in a tube, from the chamber pressures in Pa.
+    """Return the start value of a friction state or of gas in a tube, from both chamber pressures in Pa.
 
     Examples
     --------
@@ -102,7 +102,7 @@ COMMAND_STEPS: NamedNumbers = _NUMBERS["command_steps"]
 
 @dataclass(frozen=True)
 class Parameter:
-    """A number of the description or of the start state, which can be free or vary.
+    """A number of the description or of the start state, which can be free in a search or vary between runs.
 
     Attributes
     ----------
@@ -115,9 +115,9 @@ class Parameter:
     value : float
         Start value; NaN for a number that can vary, but cannot be free.
     lower, upper : float
-        Bounds, themselves excluded.
+        Bounds. The value must lie strictly between them.
     size : float
-        Typical change of a number that may be negative.
+        Typical change: tabulated for a number that may be negative, otherwise the magnitude of its value.
     discrete : bool
         Whether runs have no derivative with respect to this number.
     mark : Quantity, StatedPressure or None
@@ -136,11 +136,11 @@ class Parameter:
 
     @property
     def file_name(self) -> str:
-        """Name of its column in a file, including the unit."""
+        """Name of the parameter's column in a file, including the unit."""
         return units.column_name(self.name, self.unit)
 
     def written(self, si: float) -> str | float:
-        """Write a value in the form of the drive file."""
+        """Return a value, given in SI, in the form of the drive file."""
         if self.unit == "Pa" and isinstance(self.mark, StatedPressure):
             return f"{si!r} Pa abs"
         return si if self.unit in ("1", "") else units.write(si, self.unit)
@@ -151,13 +151,13 @@ INITIAL = "initial."
 
 
 def start_numbers(marks: Mapping[str, Quantity | StatedPressure]) -> dict[str, Parameter]:
-    """Return the numbers of a start state by their names in a design, from their written forms."""
+    """Return the numbers of a start state by name, such as ``initial.position``, from the annotations of its keys."""
     names = {f"{INITIAL}{key}": mark for key, mark in marks.items()}
     return {name: _number(name, "", np.nan, mark) for name, mark in names.items()}
 
 
 def mark_unit(mark: Quantity | StatedPressure) -> str:
-    """Return the SI unit of a written form."""
+    """Return the SI unit of an annotation."""
     return "Pa" if isinstance(mark, StatedPressure) else mark.si_unit or "1"
 
 
@@ -181,7 +181,7 @@ def numbers_of(described: DriveOrCircuit) -> dict[str, Parameter]:
 
 
 def with_shape(drive: Drive, names: Iterable[str]) -> Drive:
-    """Return a drive whose valve has overlap or leakage if `names` contain them, with assumed start values."""
+    """Return a drive whose valve has the overlap and leakage that `names` contain, with assumed values if missing."""
     shape = _NUMBERS["valve_shape"]
     lacking = [n for n in names if n in shape and getattr(drive.valve, n.removeprefix("valve.")) is None]
     return drive.replace({name: shape[name] for name in lacking}) if lacking else drive
@@ -190,7 +190,7 @@ def with_shape(drive: Drive, names: Iterable[str]) -> Drive:
 def find(described: DriveOrCircuit, names: Sequence[str], *, shifts: bool = False) -> list[Parameter]:
     """Find numbers of a drive or a circuit by their names in the file.
 
-    With `shifts`, the numbers of `COMMAND_STEPS` can be free.
+    If `shifts` is True, delay and hysteresis of a valve can also be free.
 
     Raises
     ------
@@ -266,7 +266,7 @@ def _number(
     *,
     discrete: bool = False,
 ) -> Parameter:
-    """Return a number with the bounds of its written form. A number with a usual change may be negative."""
+    """Return a number with the bounds of its annotation, or without bounds if `usual`, a typical change, is given."""
     lower, upper = (-np.inf, np.inf) if usual else mark.ends
     return Parameter(name, core, mark_unit(mark), value, lower, upper, usual or abs(value) or 1.0, discrete, mark)
 
@@ -296,7 +296,7 @@ class DriveFamily:
     moving : list of Derived
         Derived values that depend on free parameters.
     piston : str
-        Component of the cylinder, if `names` are given.
+        Name of the cylinder's component; empty without `names`.
     """
 
     def __init__(
@@ -318,7 +318,7 @@ class DriveFamily:
         self.paths = [*free, *(m.path for m in self.moving)]
 
     def core(self, values: Array) -> CoreCircuit:
-        """Return the core's circuit with these values.
+        """Return the core's circuit for given values of the free numbers.
 
         Raises
         ------
@@ -328,11 +328,11 @@ class DriveFamily:
         return compiled(self.json(values), self._names)
 
     def shoot(self, core: Any, asked: Shooting, look: Callable[[float], object]) -> Shot:  # noqa: ANN401 - from `core`
-        """Run segments under the command of the drive."""
+        """Simulate the segments that `asked` describes, under the command of the drive."""
         return core.shoot("command", asked, look)
 
     def _place(self, path: str) -> tuple[Plain, str]:
-        """Return the table and the key of a path in the form."""
+        """Return the table of the form that contains the number at a path, and the key of the number."""
         own, _, key = path.partition(".")
         component = next((one for one in self._form["components"] if one["name"] == own), None)
         if component is None:
@@ -346,7 +346,7 @@ class DriveFamily:
 
     @property
     def exact(self) -> list[str]:
-        """The `paths` with respect to which the core has derivatives."""
+        """The `paths` with respect to which the core computes exact derivatives."""
         return [path for path in self.paths if path.rpartition(".")[2] not in COMMAND_STEPS]
 
     def get(self, path: str) -> float:
@@ -365,12 +365,12 @@ class DriveFamily:
             self._put(one.path, one.value(*map(self.get, one.sources)))
 
     def json(self, values: Array) -> str:
-        """Return the core's form with these values."""
+        """Return the core's form as JSON, for given values of the free numbers."""
         self._set(values)
         return json.dumps(self._form, sort_keys=True)
 
     def settle(self, values: Array) -> bool:
-        """Keep rounded derived values constant from now on. Return whether the family has such values."""
+        """Round derived values as a description does, and keep these constant. Return whether there are any."""
         self._set(values)
         rounded = [one for one in self.moving if one.digits is not None]
         for one in rounded:
@@ -381,7 +381,7 @@ class DriveFamily:
         return bool(rounded)
 
     def many(self, rows: Array) -> Array:
-        """Return the numbers at `paths` of many descriptions, shape (n, paths), rounded as in a description.
+        """Return the numbers at `paths` for each row of free values, rounded as in a description (shape (n, paths)).
 
         Parameters
         ----------
@@ -398,12 +398,12 @@ class DriveFamily:
         return values.reshape(len(self.paths), len(rows)).T.copy()
 
     def derived_values(self, values: Array) -> NamedNumbers:
-        """Return the derived values for these values, by their names in the drive file."""
+        """Return the derived values for given values of the free numbers, by name in the drive file."""
         self._set(values)
         return {one.name: self.get(one.path) for one in (*self.settled, *self.moving)}
 
     def by_free(self, values: Array) -> Array:
-        """Return the derivatives of the numbers at `paths` with respect to the free values, shape (paths, free)."""
+        """Return the derivatives of the numbers at `paths` with respect to the free numbers (shape (paths, free))."""
         self._set(values)
         out = np.zeros((len(self.paths), self.size))
         out[: self.size] = np.eye(self.size)
@@ -423,7 +423,7 @@ class DriveFamily:
 def family_of(
     described: DriveOrCircuit, parameters: Sequence[Parameter], axis: ShortNames | None = None
 ) -> DriveFamily:
-    """Return the family of a drive or a circuit for some free parameters; `axis` has short names for a circuit."""
+    """Return the family of a drive or a circuit for some free parameters. `axis` has short names for a circuit."""
     free, (form, names) = [p.core for p in parameters], described.system
     every = derived_in_circuit(described.circuit) if names is None else derived(cast("Drive", described))
     return DriveFamily(json.loads(form), free, every, names or axis)
@@ -474,7 +474,7 @@ class Differentiator:
     Raises
     ------
     CommandError
-        A name is unknown or repeated, the command is a function, or the contact at the start has an age.
+        A name is unknown or repeated, the command is a function, or a contact age at the start is not zero.
     """
 
     def __init__(
@@ -521,7 +521,7 @@ class Differentiator:
         columns : sequence of str
             Columns of a trajectory file.
         derivatives : bool
-            False: no derivatives; their last axis has length 0.
+            Whether to compute derivatives. If False, their last axis has length 0.
         watch : Watch
             Its cancel flag can end the run.
 

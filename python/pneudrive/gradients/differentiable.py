@@ -37,7 +37,7 @@ class Differentiable:
     ----------
     drive : Drive or Circuit
     command, duration, initial, rtol
-        As for `pneudrive.simulate`. The start is fixed.
+        As for `pneudrive.simulate`. The start state does not depend on the parameters.
     vary : sequence of str
         Numbers of the file that are the arguments of the function. In a circuit they have names such as
         ``"left.bore"``.
@@ -54,7 +54,7 @@ class Differentiable:
     start : ndarray, shape (p,)
         Values of the numbers in the drive, in SI.
     output_names : list of str
-        Names of the results, one for each number: samples have names such as ``"position[3]"``.
+        Names of the results, one for each element: samples have names such as ``"position[3]"``.
 
     Raises
     ------
@@ -99,7 +99,7 @@ class Differentiable:
         self.output_names = [one.name + part for one in self._reductions for part in parts.get(one.word, [""])]
 
     def __call__(self, values: ArrayLike) -> Array:
-        """Return the results (k,) for the numbers (p,) in SI.
+        """Return the k results for the p values of the parameters, all in SI.
 
         Raises
         ------
@@ -109,18 +109,21 @@ class Differentiable:
         return self._reduce(self._run(values, derivatives=False))[0]
 
     def jacobian(self, values: ArrayLike) -> Array:
-        """Return the derivatives (k, p) of the results. It raises the errors of `__call__`."""
+        """Return the derivatives of the results, shape (k, p). Errors are those of a call of the object."""
         return self.value_and_jacobian(values)[1]
 
     def value_and_jacobian(self, values: ArrayLike) -> ArrayPair:
-        """Return results and derivatives of one run, shapes (k,) and (k, p). It raises the errors of `__call__`."""
+        """Return results and derivatives of one run, shapes (k,) and (k, p).
+
+        Errors are those of a call of the object.
+        """
         return self._reduce(self._run(values, derivatives=True))
 
     def jax(self) -> Any:  # noqa: ANN401 - a function of JAX
-        """Return a function of a JAX array (p,) that returns the results (k,).
+        """Return a function of a JAX array of the p parameters that returns the k results.
 
         The function has a rule for forward differentiation, which JAX transposes for reverse mode. It can be compiled
-        and vectorised (``vmap``); members are simulated one after the other.
+        and vectorised (``vmap``), which simulates the runs one after the other.
 
         Raises
         ------
@@ -152,7 +155,7 @@ class Differentiable:
         return function
 
     def torch(self) -> Any:  # noqa: ANN401 - a function of PyTorch
-        """Return a function of a tensor (p,) of doubles that returns the results (k,)."""
+        """Return a function of a tensor of the p parameters, as doubles, that returns the k results."""
         import torch
 
         class TorchRun(torch.autograd.Function):
@@ -210,7 +213,7 @@ class Differentiable:
 
 
 def _sample(one: Reduction, x: Array) -> int:
-    """Return the sample of an extreme, or the sample before a condition first holds."""
+    """Return the index of an extreme sample, or of the sample before a condition first holds."""
     if one.word in ("max", "min"):
         return int(x.argmax() if one.word == "max" else x.argmin())
     holds = x > one.level if one.above else x < one.level
@@ -224,7 +227,7 @@ def _sample(one: Reduction, x: Array) -> int:
 
 
 def _crossing(one: Reduction, times: Array, x: Array, by: Array) -> ArrayPair:
-    """Return the time at which a signal passes a level, and its derivatives, from the signal's slope in time."""
+    """Return the time at which a signal passes a level, and its derivatives, computed from the slope of the signal."""
     k = _sample(one, x)
     share = (one.level - x[k]) / (x[k + 1] - x[k])
     near = slice(max(k - 1, 0), k + 3)

@@ -76,7 +76,7 @@ class Response:
         return self.data.actuator_length[self.ids]
 
     def begin(self) -> None:
-        """Evaluate the model at its present state. Steps with several forces may follow."""
+        """Evaluate the model at its present state. `step` may then be called several times, with different forces."""
         mujoco.mj_step1(self.model, self.data)
         mujoco.mj_getState(self.model, self.data, self._state, self._spec)
         self._is_new = True
@@ -100,7 +100,7 @@ class Response:
         return other.actuator_length[self.ids]
 
     def mobility(self) -> Array:
-        """Return the accelerations of the lengths per force in 1/kg, shape (n, n), with closed loops.
+        """Return the accelerations of the lengths per actuator force, with closed loops (1/kg, shape (n, n)).
 
         W = J_a (M^-1 - M^-1 J_e^T (J_e M^-1 J_e^T + R_e)^-1 J_e M^-1) J_a^T, where J_e and R_e are the rows of the
         equality constraints. Contacts and limits are left out.
@@ -299,7 +299,7 @@ class _Axis:
         self.samples, self.sampled_s = 0, 0.0
 
     def column(self, name: str) -> str:
-        """Return the name of the circuit for a name of a drive."""
+        """Return the name of a variable in the circuit from its name in a drive."""
         return name if not self.prefix else self.prefix + DRIVE_NAMES[name].removeprefix(f"{PISTON}.")
 
 
@@ -366,7 +366,7 @@ class Actuators:
         self.reset(keep=data is not None)
 
     def reset(self, *, keep: bool = False) -> None:
-        """Start again: reset the model to its default, and the drives to their initial state.
+        """Reset the model to its default state, and the drives to their start states.
 
         Parameters
         ----------
@@ -417,7 +417,10 @@ class Actuators:
         self._axis(name).session.set(input, value)
 
     def read(self, name: str, variable: str) -> float:
-        """Return the true value of an output or input of a drive: ``"pressure_a_pa"``. See `sense`."""
+        """Return the true value of an output or input of a drive, such as ``"pressure_a_pa"``.
+
+        `sense` returns readings of sensors instead.
+        """
         axis = self._axis(name)
         return axis.session.read(axis.column(variable) if variable in SIGNALS else variable)
 

@@ -61,7 +61,7 @@ class Leg:
 
     @classmethod
     def of(cls, circuit: Circuit, name: str) -> Leg:
-        """Return the leg with the component of this name."""
+        """Return the leg that the component of this name moves."""
         own = vars(circuit.components[name]) if name in circuit.components else {}
         bore, rod = own.get("bore_m", np.nan), own.get("rod_diameter_m") or 0.0
         areas = piston_areas(own.get("kind", "").partition("/")[2], bore, rod)
@@ -96,7 +96,7 @@ class Platform(Viewed):
 
     Displacements are in m. Tilts are the angles 2 asin(e) in rad, where e is the vector part of the unit quaternion.
     For a 3-RPS, e describes only the tilt, which is applied after a twist about the platform's z axis. The position of
-    a leg is the position of its cylinder, in m. Rows of an array are poses.
+    a leg is the position of its cylinder, in m. In an array of poses, each row is a pose.
 
     Attributes
     ----------
@@ -134,23 +134,23 @@ class Platform(Viewed):
 
     @property
     def force_limits(self) -> Array:
-        """Static forces in N of each leg at supply pressure, against and in +x, shape (n, 2); NaN without supply."""
+        """Static forces of each leg at supply pressure, towards -x and +x (N, shape (n, 2)); NaN without a supply."""
         areas = np.array([leg.areas_m2 for leg in self.legs])
         return (self.supply_pa - self.ambient_pa) * areas[:, ::-1] * [-1.0, 1.0]
 
     @property
     def normal_m(self) -> float:
-        """Length in m of the normal whose tip is traced: mean radius of the joints, or 0 without tilt coordinates."""
+        """Length in m of the normal whose tip `traced` returns: mean radius of the joints, or 0 without tilts."""
         places = np.asarray(self.core.joints[1], dtype=float).reshape(-1, 3)
         return float(np.linalg.norm(places, axis=1).mean()) if "rad" in self.units else 0.0
 
     def traced(self, pose: Pose) -> Array:
-        """Return the traced points in m, shape (m, 3): tip of the normal, or the origin without tilt coordinates."""
+        """Return a point for each pose: tip of the platform's normal, or its origin without tilts (m, shape (m, 3))."""
         frame = self.evaluate(pose)["frame"]
         return np.asarray(frame[:, 0] + self.normal_m * frame[:, 3], dtype=float)
 
     def reach(self) -> Array:
-        """Return the farthest traced point of the workspace in each direction, in m, shape (k, 3)."""
+        """Return the points of `traced` that are farthest in each direction in the workspace (m, shape (k, 3))."""
         limits = self.workspace().limits.values()
         steps = REACH_STEPS[len(self.legs) > 3]
         axes = np.meshgrid(*(np.linspace(low.value, high.value, steps) for low, high in limits), indexing="ij")
@@ -351,7 +351,7 @@ class Platform(Viewed):
         return jacobian.T @ (gas[:, None] * jacobian) + 0.5 * (bent + bent.T)
 
     def outputs(self, run: xr.Dataset) -> xr.Dataset:
-        """Return a run with the smallest singular value, and the force and side force of each leg.
+        """Return a run with additional variables: smallest singular value, and force and side force of each leg.
 
         Parameters
         ----------
@@ -376,7 +376,7 @@ class Platform(Viewed):
         return run.assign(out)
 
     def workspace(self) -> PoseLimits:
-        """Return the limits of each coordinate by strokes, reach and singular poses, from the pose `home`."""
+        """Return the limits of each coordinate from the pose `home`: ends of strokes, reach, or singular poses."""
         each = enumerate(self.coordinates)
         return PoseLimits({key: (_limit(self, k, -1.0), _limit(self, k, 1.0)) for k, key in each})
 
@@ -403,7 +403,7 @@ class Limit:
 
 @dataclass(frozen=True)
 class PoseLimits:
-    """Limits of each coordinate from the pose at half strokes, with the other coordinates fixed.
+    """Limits of each coordinate, while the other coordinates stay as in the pose at half strokes.
 
     Attributes
     ----------
@@ -433,7 +433,7 @@ def _limit(platform: Platform, k: int, sign: float) -> Limit:
 
 
 def _reason(platform: Platform, pose: Array) -> str:
-    """Return the reason why a pose is outside the workspace, or an empty text."""
+    """Return the reason why a pose is outside the workspace, or an empty text if it is inside."""
     with np.errstate(invalid="ignore"):
         positions = platform.evaluate(pose)["positions"][0]
     if not np.all(np.isfinite(positions)):
@@ -494,7 +494,7 @@ AT_ONCE = 20_000
 
 
 def pose_columns(platform: Platform) -> list[list[str]]:
-    """Return the columns of a run with the coordinates, their rates and their accelerations."""
+    """Return the names of the columns of a run that contain the coordinates, their rates and their accelerations."""
     out = []
     for lengths, tilts in (("m", "rad"), ("rate_m_s", "rate_rad_s"), ("acceleration_m_s2", "acceleration_rad_s2")):
         ends = np.where(platform.is_length, lengths, tilts)
@@ -519,7 +519,7 @@ def motion_of(platform: Platform, columns: Mapping[str, Array]) -> tuple[Array, 
 
 
 def platform_outputs(platform: Platform, columns: Mapping[str, Array]) -> Columns:
-    """Return further outputs of a platform along a run, which are not columns of the run.
+    """Return outputs of a platform along a run that the run itself does not contain.
 
     ``tripod.smallest_singular_value`` has no unit. ``tripod.leg_1_force_n`` is the force in +x along leg 1 that carries
     and accelerates platform, payload, rods and barrels: pressures, end stop and external force, minus friction.
@@ -610,7 +610,7 @@ class MovingPlatform(NamedTuple):
         return body._replace(joints=joints)
 
     def acceleration(self, arms: Array) -> Array:
-        """Return the accelerations of points at these arms from the origin, shape (m, n, 3)."""
+        """Return the accelerations of points, from their positions `arms` relative to the origin (shape (m, n, 3))."""
         velocity, rate = self.turn[:, :, None]
         return self.origin[1][:, None] + np.cross(rate, arms) + np.cross(velocity, np.cross(velocity, arms))
 

@@ -34,7 +34,8 @@ def steady_flow(
     way : sequence of (str, str, str)
         Each component with its inlet and outlet port, in the direction of the flow.
     before_pa, behind_pa : float
-        Absolute pressures in Pa before and behind the path. The gas before the path has the temperature of ISO 6358.
+        Absolute pressures in Pa before and behind the path. The gas before the path has 20 degC, the reference
+        temperature of ISO 6358.
     gas : Gas
     """
     from pneudrive.describe import Circuit
@@ -90,7 +91,7 @@ class MotionResult(NamedTuple):
 
 
 class Dragged:
-    """Components and joints of a rig. The joints ``a`` and ``b`` are its chambers.
+    """Rig in which a carriage drags a piston: its components and joints. Joints ``a`` and ``b`` are the chambers.
 
     Parameters
     ----------
@@ -178,7 +179,8 @@ class Dragged:
             values by name.
         rtol : float
         released : bool
-            Whether the carriage first moves freely until the sensor force is zero. This position becomes the command.
+            Whether the carriage first moves freely until the sensor force is zero. The position that it reaches becomes
+            the commanded position.
         shut : bool
             Whether the supply is shut off.
         look : callable, optional

@@ -98,9 +98,9 @@ def plans(
 
     Parameters
     ----------
-    given : mapping, str, sequence of str, or anything that `steps` reads; or None
-        Commands by component, or texts that begin with the component, ``"valve_l: 0 s: 1, 0.5 s: -1"``. A command
-        without a name is for the only component with a command.
+    given : mapping, str, sequence of str, None, or any form that `steps` reads
+        Commands by component, or texts that begin with the component, ``"valve_l: 0 s: 1, 0.5 s: -1"``. The name is
+        optional if only one component has a command.
     commandable : mapping
         Component that takes a command -> its electrical input, if one is described.
     times : sequence of float, optional
@@ -114,7 +114,8 @@ def plans(
     Raises
     ------
     CommandError
-        The component does not exist or is not named although there are several, or a command is not valid.
+        A component does not exist, a name is missing although several components have commands, or a command is not
+        valid.
 
     Examples
     --------
@@ -153,7 +154,7 @@ def plans(
 def inputs(
     given: Commands, commandable: Mapping[str, CommandInput], times: Sequence[float] | None = None
 ) -> list[tuple[str, Steps]]:
-    """Read the commands of a drive or a circuit like `plans`, by the names of the inputs.
+    """Read commands as `plans` does, and return the name of the input instead of the component.
 
     Examples
     --------
@@ -172,7 +173,7 @@ def input_of(component: str) -> str:
 
 
 def are_named(given: object) -> bool:
-    """Return whether one of several texts begins with the name of a component.
+    """Return whether the argument is a list of texts, and one of them begins with the name of a component.
 
     Examples
     --------

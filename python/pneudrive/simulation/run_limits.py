@@ -32,7 +32,7 @@ ROUNDED = 1e-9
 
 
 class GasVolume(NamedTuple):
-    """Gas of one volume over a run, with the column of its pressure."""
+    """Pressure and temperature of the gas in one volume during a run, and the name of the pressure column."""
 
     column: str
     name: str
@@ -69,7 +69,7 @@ def gas_volumes(columns: Keyed) -> Iterator[GasVolume]:
 
 
 def _gas_limits(described: DriveOrCircuit, time_s: Any, places: list[GasVolume]) -> Iterator[str]:  # noqa: ANN401 - array or column
-    """Yield a warning for a high pressure, for a hot gas, and for a gas that deviates from its law."""
+    """Yield a warning for a high pressure, for a hot gas, and for a gas that deviates from its gas law."""
     import numpy as np
 
     high = [place for place in places if place.pressure_pa.max() > HIGHEST_PA]
@@ -171,7 +171,7 @@ SATURATED = 1.01
 
 
 def saturation_pressure(temperature_k: Array | float) -> Array:
-    """Return the saturation pressure of water vapour in Pa: over water, below 0 degC over ice.
+    """Return the saturation pressure of water vapour in Pa: over water, or over ice below 0 degC.
 
     Parameters
     ----------
@@ -276,7 +276,7 @@ class ExhaustAir:
     coldest_k : float
         Lowest temperature in K of gas that leaves.
     exhausts : int
-        Number of exhausts, in which the gauge pressure of a chamber falls from half of its highest value to a quarter.
+        Number of times that the gauge pressure of a chamber falls from half of its highest value to a quarter.
     """
 
     mean_k: float
@@ -286,8 +286,8 @@ class ExhaustAir:
     def frost_k(self, ambient_pa: float, supply_pa: float) -> float:
         """Return the pressure dew point of the supply in K above which ice can form in the silencer.
 
-        Gas with this dew point at `supply_pa` is saturated over ice at the mean temperature and at `ambient_pa`, both
-        absolute.
+        Gas with this dew point at the absolute pressure `supply_pa` becomes saturated over ice when it reaches `mean_k`
+        (or 0 degC, if `mean_k` is higher) and the absolute pressure `ambient_pa`.
         """
         return dew_point(float(saturation_pressure(min(self.mean_k, ZERO_CELSIUS_K))) * supply_pa / ambient_pa)
 
@@ -319,7 +319,7 @@ def exhaust_air(columns: Keyed, ambient_pa: float) -> ExhaustAir | None:
 
 
 def _ice(described: DriveOrCircuit, columns: Keyed) -> Iterator[str]:
-    """Yield a note if ice can form in the silencer: mean temperature below 0 degC, and supply not dry enough."""
+    """Yield a note if ice can form in the silencer: exhaust air below 0 degC on average, and supply not dry enough."""
     if all(float(columns[name].min()) >= ZERO_CELSIUS_K for name in columns if "temperature" in name):
         return
     air = exhaust_air(columns, described.ambient.pressure_pa)

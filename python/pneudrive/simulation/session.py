@@ -1,4 +1,4 @@
-"""Running drives and circuits: set inputs, advance, read outputs, save, restore, linearise."""
+"""Sessions of drives and circuits: set inputs, advance in time, read outputs, save, restore, linearise."""
 
 from __future__ import annotations
 
@@ -53,17 +53,20 @@ class Variable(NamedTuple):
 
 @dataclass(frozen=True, repr=False)
 class Linear(Shown):
-    """Linearised drive about a state x0 and inputs u0: ``x' = rates + A (x - x0) + B (u - u0)``, outputs with C and D.
+    """Drive or circuit, linearised about a state x0 and inputs u0.
+
+    The rates are ``x' = rates + A (x - x0) + B (u - u0)``, the outputs ``y = output + C (x - x0) + D (u - u0)``.
 
     Attributes
     ----------
     A, B, C, D : numpy.ndarray
-        Shapes (states, states), (states, inputs), (outputs, states), (outputs, inputs). Exact derivatives, in SI.
+        Exact derivatives in SI. The shapes are (states, states), (states, inputs), (outputs, states), (outputs,
+        inputs).
     states, inputs, outputs : tuple of str
         Names. A state has the name of its column: ``"position_m"``, ``"mass_a_kg"``; in a circuit, the name begins with
         the component: ``"left.position_m"``, ``"hose.cell_3.internal_energy_j"``.
     state, rates, output : numpy.ndarray
-        State x0, its rates and its outputs.
+        State x0, and the rates and outputs at x0 and u0.
     """
 
     A: Array
@@ -117,7 +120,7 @@ class Session:
 
     @property
     def variables(self) -> tuple[Variable, ...]:
-        """All inputs, outputs and states, in their order."""
+        """All inputs, then all outputs, then all states."""
         inputs = [Variable(name, unit, "input", bounds, what) for name, unit, bounds, what in self._core.inputs]
         outputs = [(name, *meaning(name)[1:]) for name in self._core.columns]
         return (
@@ -331,7 +334,7 @@ class Session:
             self._core.restore(saved)
 
     def linearise(self, inputs: Sequence[str] | None = None) -> Linear:
-        """Return the exact derivatives of the drive's rates and outputs at the present state.
+        """Return the exact derivatives of the rates and outputs at the present state.
 
         Friction keeps its present mode: a sticking contact does not move, and bristles are springs.
 
@@ -344,7 +347,7 @@ class Session:
         Raises
         ------
         CommandError
-            The input does not exist, or the command is 0: a closed valve has different slopes to both sides.
+            The input does not exist, or the command is 0: a closed valve has different slopes for u < 0 and u > 0.
         SimulationError
             The session cannot continue.
         """
@@ -362,7 +365,7 @@ class Session:
 
     @contextmanager
     def _refusing(self, names: Sequence[object], value: object, *, readable: bool = False) -> Iterator[None]:
-        """Raise the errors of the core in a block as `_refuse` does."""
+        """Convert errors of the core that the block raises, as `_refuse` does."""
         try:
             yield
         except (TypeError, ValueError, RuntimeError) as error:
@@ -376,7 +379,7 @@ class Session:
         *,
         readable: bool = False,
     ) -> NoReturn:
-        """Raise an error of the core, with the names that users know.
+        """Raise an error of the core as an error of pneudrive, with the names that users know.
 
         `readable` states whether names of outputs are also valid.
         """
@@ -411,7 +414,7 @@ def _address(controller: object) -> int:
 
 
 def core_error(error: Exception, kind: ErrorKind) -> PneudriveError:
-    """Return an error of the core with its rule and remedy. An error with a rule concerns an input."""
+    """Convert an error of the core. If its text has a rule, it is a CommandError with this rule and its remedy."""
     what, _, rest = str(error).partition(_RULE)
     rule, _, remedy = rest.partition(_REMEDY)
     if not rule:

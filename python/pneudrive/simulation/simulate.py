@@ -40,7 +40,7 @@ UNDIFFERENTIATED = ("time_s", "command")
 
 @dataclass(frozen=True, repr=False)
 class Run(Shown):
-    """Trajectory in the form of the core: columns of a file (SI, absolute pressure) and provenance."""
+    """Trajectory as the core returns it: columns as in a file, in SI with absolute pressures, and provenance."""
 
     columns: Columns
     provenance: Plain
@@ -119,17 +119,17 @@ def simulate(
         Relative tolerance of the solver.
     ledger : bool
         Also integrate the balances of mass, energy and entropy. The states stay exactly the same, and
-        ``attrs["ledger"]`` reports how well the balances close. Not for the chamber law ``as-printed``, which does not
-        conserve energy.
+        ``attrs["ledger"]`` reports how well the balances close. This is not available with the chamber law
+        ``as-printed``, which does not conserve energy.
     sensitivities : sequence of str
-        Parameters of the drive file, such as ``"friction.coulomb"``. For each variable, the result then also has the
-        exact derivatives with respect to these parameters, such as ``sensitivity_position`` with dimensions parameter
-        and time. They are derivatives of the discrete solution, through impacts, sticking and slipping, for a fixed
-        start state. Not for circuits, and not for commands that are functions.
+        Parameters of the drive file, such as ``"friction.coulomb"``; in a circuit, such as ``"left.friction.coulomb"``.
+        For each variable, the result then also has the exact derivatives with respect to these parameters, such as
+        ``sensitivity_position`` with dimensions parameter and time. They are derivatives of the numerical solution for
+        a fixed start state, and include impacts, sticking and slipping. The command must not be a function.
     budget : int, optional
         Limit on the attempted steps of the run. Default: 220,000, plus 100,000 for each second of motion and 100 for
-        each entry of the command. It is larger for rtol below 1e-6, and down to one half for more than 11 states.
-        Ordinary drives take 200 to 10,000 attempts per second.
+        each entry of the command. It is larger for rtol below 1e-6, and smaller (at least one half) for more than 11
+        states. Ordinary drives take 200 to 10,000 attempts per second.
     progress, cancel : optional
         See `pneudrive.progress.Watch`: a callback that gets the number of simulated seconds, and a flag that ends the
         run.
@@ -137,14 +137,14 @@ def simulate(
     Returns
     -------
     xarray.Dataset
-        Dimension time (round(duration * sample_rate) + 1 samples, the last one at the duration). The variables are
-        position, velocity, acceleration, pressure_a, temperature_a, ..., each with ``units`` and ``long_name``, in SI
-        with absolute pressure. Its ``attrs`` hold description_hash, version, solver, rtol, statistics, warnings,
-        citations and assumed. command_steps of a drive has time in s and command of each change (at most 1000). impacts
-        has each contact with an end stop as a dict. Its entries are time_s, end ("a" or "b"), speed_m_s (at first
-        touch), energy_j (kinetic energy of all parts that move towards the stop), depth_m, peak_force_n (largest force
-        until the piston leaves the stop), and met_cover (whether the stop was fully compressed). A contact slower than
-        1 mm/s that does not fully compress the stop is not listed.
+        Its dimension time has round(duration * sample_rate) + 1 samples, the last one at the duration. The variables
+        are position, velocity, acceleration, pressure_a, temperature_a, ..., each with ``units`` and ``long_name``, in
+        SI with absolute pressure. Its ``attrs`` hold description_hash, version, solver, rtol, statistics, warnings,
+        citations, assumed, command_steps and impacts. command_steps (drives only) lists the time in s and the new
+        command of each change, for at most 1000 changes. impacts lists each contact with an end stop as a dict of
+        time_s, end ("a" or "b"), speed_m_s (at first touch), energy_j (kinetic energy of all parts that move towards
+        the stop), depth_m, peak_force_n (largest force until the piston leaves the stop), and met_cover (whether the
+        stop was fully compressed). A contact slower than 1 mm/s that does not fully compress the stop is not listed.
 
     Raises
     ------
@@ -269,7 +269,7 @@ def _provenance(
 
 
 def made_from(described: DriveOrCircuit, rtol: float) -> Plain:
-    """Return title and hash of the description, version, solver and tolerance of a run."""
+    """Return the title and hash of the description, the version of pneudrive, and the solver and its tolerance."""
     names = {"title": described.name, "description_hash": described.description_hash}
     return names | {"version": __version__, "solver": SOLVER, "rtol": rtol}
 
@@ -344,7 +344,7 @@ def number_of(given: str | float, si_unit: str, what: str) -> float:
 
 
 def citations(run: xr.Dataset) -> str:
-    """Return the BibTeX entries of the laws and methods that a trajectory used.
+    """Return the BibTeX entries of the laws and methods with which a trajectory was computed.
 
     Parameters
     ----------
@@ -354,7 +354,7 @@ def citations(run: xr.Dataset) -> str:
     Raises
     ------
     PneudriveError
-        The dataset has no citations, or a source is missing.
+        The dataset has no citations, or references.bib has no entry for one of them.
     """
     keys = getattr(run, "attrs", {}).get("citations")
     if keys is None:

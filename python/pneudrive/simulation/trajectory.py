@@ -42,7 +42,7 @@ TABLES = {".parquet": "parquet", ".nc": "netcdf"}
 
 @lru_cache(maxsize=4096)
 def meaning(column: str) -> tuple[str, str, str]:
-    """Return (variable, units, long name) of a column, from the table or from the longest suffix of the name.
+    """Return (variable, units, long name) of a column. If it is not in `MEANING`, its suffix gives the unit.
 
     Examples
     --------
@@ -244,7 +244,7 @@ def read_columns(
     ----------
     path : path-like
     wanted : iterable of str
-        Names of existing columns, in the form of CSV and Parquet even for netCDF.
+        Names of columns in the file, with the unit as in CSV and Parquet, even for netCDF.
     rows : tuple of int, optional
         First row and the row after the last, only for Parquet; None: all rows.
     table : Table, optional

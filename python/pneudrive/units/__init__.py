@@ -42,7 +42,7 @@ def kind(si_unit: str) -> str:
 
 
 def needed(si_unit: str) -> str:
-    """Return the rule of a message, such as ``a length is needed, e.g. "25 mm"``. Pa means a pressure difference."""
+    """Return the rule for a message, such as ``a length is needed, e.g. "25 mm"``. Pa means a pressure difference."""
     return DIFFERENCE_NEEDED if si_unit == "Pa" else kind(si_unit).replace(", e.g.", " is needed, e.g.", 1)
 
 
@@ -52,7 +52,7 @@ _LEADING_NUMBER = re.compile(r"[\s\d.+-]*(?:[eE][+-]?\d+\s*)?")
 
 
 def split_mark(text: str) -> tuple[str, str]:
-    """Split the mark from a pressure or its unit: ``"6 barg"`` and ``"6 bar gauge"`` into ``"6 bar"`` and ``" gauge"``.
+    """Split a pressure or its unit from the mark abs or gauge: ``"6 barg"`` gives ``("6 bar", " gauge")``.
 
     The mark is empty for other units.
     """
@@ -66,7 +66,7 @@ def split_mark(text: str) -> tuple[str, str]:
 
 @lru_cache(maxsize=1024)
 def canonical(unit: str) -> str:
-    """Return a unit without signs for powers and products."""
+    """Return a unit in the notation of `TABLE`: ``m^2`` and ``m²`` give ``m2``."""
     return unit.strip().translate(_PLAIN)
 
 
@@ -171,7 +171,7 @@ class UnitFloat(float):
         return _in_unit(self, self.si_unit, unit)
 
     def si_as(self, si_unit: str) -> float:
-        """Return the plain number in this SI unit.
+        """Return the plain number, after a check that its SI unit is `si_unit`.
 
         Raises
         ------
@@ -202,7 +202,7 @@ def _in_unit(si: float, si_unit: str, unit: str) -> float:
 
 
 def is_unit(text: str) -> bool:
-    """Return whether a text is a common unit. A pressure may have ``abs`` or ``gauge``.
+    """Return whether a text is a common unit. A unit of pressure may have ``abs`` or ``gauge``.
 
     Examples
     --------
@@ -213,7 +213,7 @@ def is_unit(text: str) -> bool:
 
 
 def suffix(si_unit: str) -> str:
-    """Return the suffix of names of values in an SI unit; empty for a number without a unit.
+    """Return the suffix with which names state an SI unit; empty for a number without a unit.
 
     Examples
     --------
@@ -287,7 +287,7 @@ def _parsed(text: str, si_unit: str) -> float:
 def parse_pressure(text: str, *, gauge_allowed: bool = True) -> Pressure:
     """Read a pressure with ``abs`` or ``gauge``, or with a unit such as ``barg`` or ``psia``.
 
-    If gauge pressures are not allowed, the message on a missing mark does not propose one.
+    If `gauge_allowed` is False, the message about a missing mark proposes only ``abs``.
 
     Raises
     ------
@@ -358,7 +358,9 @@ def write_share(value: float) -> str:
 
 
 def si_name(unit: str) -> str:
-    """Return an SI unit in the package's notation (``m2`` -> ``m^2``, ``kg/s`` -> ``N s/m``). Others stay unchanged.
+    """Return an SI unit in the package's notation (``m2`` -> ``m^2``, ``kg/s`` -> ``N s/m``).
+
+    Other units do not change.
 
     Examples
     --------
@@ -479,7 +481,7 @@ def in_unit(text: str, unit: str) -> str:
 
 
 def readable(si_unit: str) -> tuple[float, str]:
-    """Return the common unit for an SI unit, with its size in SI.
+    """Return the size in SI and the name of the common unit for an SI unit.
 
     Examples
     --------
@@ -518,7 +520,7 @@ def _registry() -> pint.UnitRegistry:
 
 
 def converter_of_pint(unit: str, si_unit: str) -> tuple[float, float]:
-    """Return factor and offset of a unit, see `pneudrive.units.converter`.
+    """Return (factor, offset) of a unit that is not in `TABLE`, as `converter` does.
 
     Raises
     ------
