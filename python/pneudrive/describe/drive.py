@@ -1,4 +1,4 @@
-"""Drives: description from a file, from the catalogue or from Python, and its form in the core."""
+"""Descriptions of drives, from a file, from the catalogue or from Python, and their form in the core."""
 
 from __future__ import annotations
 

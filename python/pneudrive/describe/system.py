@@ -1,4 +1,4 @@
-"""A described system: its circuit in the core's form, and the names of the circuit's variables in its file."""
+"""Systems: circuits of descriptions in the core's form, with names for their variables. Base of drives and circuits."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""A drive for other tools: a Functional Mock-up Unit (FMI 2.0 or 3.0), or a library for C."""
+"""Export of drives to other tools, as Functional Mock-up Units (FMI 2.0 or 3.0) or as a library for C."""

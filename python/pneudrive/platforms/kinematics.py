@@ -70,7 +70,7 @@ class Leg:
 
 
 class LegDynamics(NamedTuple):
-    """Motion, force and mass of each leg, shape (m, n), along a motion of the platform.
+    """Motion, force and mass of each leg along a motion of the platform, in arrays of shape (m, n).
 
     Attributes
     ----------
@@ -522,9 +522,9 @@ def platform_outputs(platform: Platform, columns: Mapping[str, Array]) -> Column
     """Return outputs of a platform along a run that the run itself does not contain.
 
     ``tripod.smallest_singular_value`` has no unit. ``tripod.leg_1_force_n`` is the force in +x along leg 1 that carries
-    and accelerates platform, payload, rods and barrels: pressures, end stop and external force, minus friction.
-    ``tripod.leg_1_side_force_n`` is the magnitude of the force across leg 1 at its joint on the platform. For a delta,
-    it is the force across the guide of the carriage, including the weight of the carriage.
+    and accelerates platform, payload, rods and barrels. It is the sum of pressure forces, end stop force and external
+    force, minus friction. ``tripod.leg_1_side_force_n`` is the magnitude of the force across leg 1 at its joint on the
+    platform. For a delta, it is the force across the guide of the carriage, including the weight of the carriage.
 
     The forces along the legs follow from the mass matrix and the forces of the mechanism. The side forces follow from
     the momentum balances of the platform and of each leg.

@@ -1,4 +1,4 @@
-"""Start of a simulation: a session of a described system."""
+"""Start of a simulation: sessions of drives and circuits, and their start states."""
 
 from __future__ import annotations
 

@@ -110,7 +110,7 @@ class Starts:
     Parameters
     ----------
     circuit : Circuit
-        Circuit whose start values have names as in the core: ``left.position_m``, ``left.a.pressure_pa``.
+        Circuit. Its start values have their names in the core: ``left.position_m``, ``left.a.pressure_pa``.
     """
 
     def __init__(self, circuit: Any) -> None:  # noqa: ANN401 - the module of circuits imports this one
