@@ -286,8 +286,8 @@ class ExhaustAir:
     def frost_k(self, ambient_pa: float, supply_pa: float) -> float:
         """Return the pressure dew point of the supply in K above which ice can form in the silencer.
 
-        Gas with this dew point at the absolute pressure `supply_pa` becomes saturated over ice when it reaches `mean_k`
-        (or 0 degC, if `mean_k` is higher) and the absolute pressure `ambient_pa`.
+        Gas with this dew point at `supply_pa` is saturated over ice at `ambient_pa` and `mean_k`, or at 0 degC if
+        `mean_k` is higher. Both pressures are absolute.
         """
         return dew_point(float(saturation_pressure(min(self.mean_k, ZERO_CELSIUS_K))) * supply_pa / ambient_pa)
 

@@ -55,7 +55,7 @@ class Variable(NamedTuple):
 class Linear(Shown):
     """Drive or circuit, linearised about a state x0 and inputs u0.
 
-    The rates are ``x' = rates + A (x - x0) + B (u - u0)``, the outputs ``y = output + C (x - x0) + D (u - u0)``.
+    The rates are ``rates + A (x - x0) + B (u - u0)``. The outputs are ``output + C (x - x0) + D (u - u0)``.
 
     Attributes
     ----------
