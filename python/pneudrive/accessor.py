@@ -111,8 +111,9 @@ class Pneu:
     def view(self, drive: Drive | Circuit | None = None) -> View:
         """Return plot and key figures of a run: stroke times, impacts, air consumption, peak pressures, warnings.
 
-        The content depends on the data set. A controlled run has a score, a characteristic has results, an ensemble has
-        the spread of its outputs, a sensitivity has the effect of each input, a friction map has curves and flags.
+        The content depends on the data set. A controlled run has a score, a characteristic has results, and an
+        ensemble has the spread of its outputs. A sensitivity has the effect of each input. A friction map has curves and
+        flags.
 
         Parameters
         ----------

@@ -192,7 +192,7 @@ class ReplayRig:
         return abs(cycle.pressure_a_pa - state.pressure_a_pa), abs(cycle.pressure_b_pa - state.pressure_b_pa)
 
     def _find(self, steps: Sequence[Step]) -> CycleFile:
-        """Return the recording to play. If there is none, the error lists the nearest recordings."""
+        """Return the recording to play. Without a suitable recording, the error lists the nearest ones."""
 
         def fits(cycle: Cycle) -> bool:
             is_mounted = all(cycle.levels.get(factor, level) == level for factor, level in self._levels.items())

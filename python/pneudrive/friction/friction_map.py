@@ -227,8 +227,8 @@ def assemblies_of(table: xr.Dataset) -> list[str]:
 def classify_pressures(pairs: Array) -> str:
     """Return which slopes of friction over pressure the pressure pairs determine.
 
-    The result is ``both``, a single chamber (``a`` or ``b``), ``sum`` if both pressures are always equal, or ``line``
-    if the pairs are on another line.
+    The result is ``both`` or a single chamber (``a`` or ``b``). If both pressures are always equal, it is ``sum``. If
+    the pairs are on another line, it is ``line``.
     """
     away = pairs - pairs.mean(axis=0)
     scale = max(np.abs(pairs).max(), 1e-12)

@@ -214,7 +214,8 @@ class PressureLine(Shown):
     ``table`` has the points, and ``points`` its rows. ``band_mean_n`` is the line at 41 pressures ``band_pressure_pa``.
     ``band_low_n`` and ``band_high_n`` are the 95 % prediction interval of a further run. ``covariance`` is that of
     (intercept_n, slope_n_pa), and ``slope_interval_n_pa`` is a 95 % interval. ``basis`` states which runs determine the
-    spread between runs: those of this seal (``own``), of other seals (``pooled``), or none (``unknown``).
+    spread between runs. These are the runs of this seal (``own``) or of other seals (``pooled``). It is ``unknown``
+    without such runs.
     """
 
     seal: str

@@ -70,7 +70,7 @@ Part: TypeAlias = "Callable[[Topic, Any], Blocks]"  # of a result: yields the bl
 
 @dataclass(frozen=True)
 class Section:
-    """A section of the report. If `synthetic` is None, the value of the report is used."""
+    """A section of the report. The default of `synthetic` is the value of the report."""
 
     key: str
     title: str

@@ -371,7 +371,7 @@ def _scale(axis: Axes, side: str, own: Axis, marks: Sequence[Any]) -> None:
 
 
 def _limit(axis: Axes, side: str, own: Axis, *, is_first: bool) -> None:
-    """Set the range of an axis after all marks are drawn. Of shared axes, only the first (`is_first`) adds a margin."""
+    """Set the range of an axis after all marks are drawn. Only the first of shared axes (`is_first`) adds a margin."""
     limit = getattr(axis, f"set_{side}lim")
     if is_first and (own.below or own.above):
         bottom, top = getattr(axis, f"get_{side}lim")()

@@ -468,7 +468,7 @@ class RigSession:
     def acquire(self, steps: Sequence[Step], sampling: Sampling | None = None) -> Iterator[Samples]:
         """Run the steps in their order, and yield the samples in parts as they arrive.
 
-        Closing the iterator early brings the axis to rest. If `sampling` is None, the sampling of the rig file is used.
+        Closing the iterator early brings the axis to rest. The default of `sampling` is that of the rig file.
         """
         self._idle()
         self._check(steps)

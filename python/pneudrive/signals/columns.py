@@ -39,7 +39,7 @@ class HeaderUnit:
     """Unit in the header of a foreign file.
 
     ``si`` is the SI unit of the quantity, ``count``, or empty for other quantities. ``unit`` is the unit as written in
-    layouts. ``gauge`` is None if a unit of pressure does not state gauge or absolute.
+    layouts. A unit of pressure without gauge or absolute has the ``gauge`` None.
     """
 
     si: str

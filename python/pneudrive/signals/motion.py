@@ -163,7 +163,7 @@ def quantiles(values: Array, *shares: float) -> list[float]:
 def turning_points(position_m: Array, least_m: float) -> Ints:
     """Find the samples at which the motion reverses by at least ``least_m``, first and last included.
 
-    Of several equal extremes, the first is returned. If consecutive samples have the extreme value, their middle is
+    The first of several equal extremes is returned. If consecutive samples have the extreme value, their middle is
     returned.
     """
     return _core.turning_points(np.ascontiguousarray(position_m, dtype=float), least_m)

@@ -35,7 +35,7 @@ ASK_CHAMBER = "neither names nor forces show the chamber (chamber a grows with t
 class Guess:
     """Guessed column of a role: time, position, force, command, pressure, pressure_a or pressure_b.
 
-    ``source`` is None for a time from a sample rate. ``gauge`` is None if gauge or absolute is not stated.
+    A time from a sample rate has the ``source`` None. A pressure without gauge or absolute has the ``gauge`` None.
     ``keys`` are further keys of the column in the layout.
     """
 

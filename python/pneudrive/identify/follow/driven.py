@@ -348,7 +348,7 @@ class DrivenCircuit:
     def heat_w_k(self, side: str) -> float | None:
         """Return the heat transfer from gas to wall in W/K, at the wall of the dead volume and both end faces.
 
-        It is None without a tank at the chamber, or if the coefficient is not constant.
+        Without a tank at the chamber, or with a coefficient that is not constant, the result is None.
         """
         tank = self.tanks[side]
         numbers = self.parts[tank or self.piston]["numbers"]

@@ -174,7 +174,7 @@ class NodeMap(Described):
 
 
 def load_map(path: str | Path | None = None) -> NodeMap:
-    """Read a node map. If `path` is None, read the default map.
+    """Read a node map from a file, or the default map.
 
     Raises
     ------

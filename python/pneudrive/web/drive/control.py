@@ -256,7 +256,9 @@ def _assumed(
 ) -> Plain:
     """Return the data of a view: the drive that the controllers assume, their gains and their limits."""
     shown = (
-        ShownTable("Gains", ("controller", "gain", "value", "meaning", "follows from"), tuple(gain_rows(about["laws"]))),
+        ShownTable(
+            "Gains", ("controller", "gain", "value", "meaning", "follows from"), tuple(gain_rows(about["laws"]))
+        ),
         ShownTable("Drive as assumed by the controllers, near mid-stroke", ("property", "value"), about["plant"]),
     )
     limits = (f"{name}: {limit}" for name, law in about["laws"].items() for limit in law["limits"])

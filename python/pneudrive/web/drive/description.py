@@ -100,7 +100,7 @@ def fields_of(described: Described) -> Plain:
 
 
 def _owner(key: str, places: Sequence[tuple[str, str]]) -> str:
-    """Return the component in the drawing to which a key belongs; empty if there is none."""
+    """Return the component in the drawing to which a key belongs, or an empty text."""
     return next((at.split(".")[1] for at, own in places if key == own or key.startswith(f"{own}.")), "")
 
 
