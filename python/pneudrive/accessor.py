@@ -112,8 +112,8 @@ class Pneu:
         """Return plot and key figures of a run: stroke times, impacts, air consumption, peak pressures, warnings.
 
         The content depends on the data set. A controlled run has a score, a characteristic has results, and an
-        ensemble has the spread of its outputs. A sensitivity has the effect of each input. A friction map has curves and
-        flags.
+        ensemble has the spread of its outputs. A sensitivity has the effect of each input. A friction map has curves
+        and flags.
 
         Parameters
         ----------

@@ -176,8 +176,8 @@ def _asked(tuning: Tuning, reference: Reference) -> tuple[Demand, float | None]:
 def feasibility(tuning: Tuning, reference: Reference) -> Feasibility:
     """Return the demands of a reference on a drive, and the slowdown that makes the reference feasible.
 
-    The demands follow from inverse dynamics. The piston of the controller's model follows the reference exactly. The gas
-    is simulated with the valve opening that produces the required force.
+    The demands follow from inverse dynamics. The piston of the controller's model follows the reference exactly. The
+    gas is simulated with the valve opening that produces the required force.
 
     Parameters
     ----------

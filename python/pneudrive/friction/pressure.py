@@ -1,7 +1,7 @@
 """Results of several recordings over pressure: effective area and force zero (closure), friction over pressure.
 
-Both results are computed from a table of points, with a row for each speed level of each recording. Names are in
-`recording`, `seal` and `run`.
+Both results are computed from a table of points, with a row for each speed level of each recording. The
+columns `recording`, `seal` and `run` name the origin of a row.
 
 `pressure_pa` (Pa) is the higher gauge pressure of both chambers. `speed_m_s` (m/s) is the mean speed of both
 directions, and `speed_stderr_m_s` the standard error of that mean from the scatter of the strokes.

@@ -307,7 +307,7 @@ class Search:
     def _open(self) -> tuple[list[TubedCylinder], list[SizingCandidate]]:
         """Return the pairs and candidates that may still rank above the best drive.
 
-        A candidate is tuned after its lead, because the result of the lead often excludes the candidate as well.
+        The lead of a group of similar candidates is tuned first, because its result often excludes the others as well.
         """
         best = self._best()
         pairs = [one for one in self.unseen if best is None or one.rank <= best.rank[:3]]

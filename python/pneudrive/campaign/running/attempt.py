@@ -275,7 +275,7 @@ class MeasuringBounds:
         return ""
 
     def during(self, samples: Samples, rig: Rig) -> str:
-        """Return the condition that the state or the latest samples of a running cycle violate. NaN is not checked."""
+        """Return the condition that the state or the latest samples of a running cycle violate. NaN violates none."""
         state = rig.state()
         if state.fault or (self.supply_pressure_pa > 0.0 and state.supply_pressure_pa < self.supply_pressure_pa):
             return self.broken_by(state)

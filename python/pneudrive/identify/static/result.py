@@ -254,7 +254,7 @@ class FrictionFit(SlidingFit, kind="friction map"):
         Raises
         ------
         FitError
-            The drive's law does not have a determined parameter, or `drive` is a circuit.
+            The fit determines a parameter that the drive's law does not have, or `drive` is a circuit.
 
         Warns
         -----

@@ -9,8 +9,8 @@ All stops of a campaign form one table, in memory and as a file.
 The height of a breakaway peak must be free of bias, although samples are noisy.
 
 The largest of many noisy samples is biased upwards, and the largest of smoothed samples is biased downwards. Therefore,
-one half of the samples locates the peak, and the other half gives its height. Then the halves are exchanged. The noise
-that selects the location does not enter the height. Samples are smoothed by local parabolas of the largest width whose
+one half of the samples locates the peak, and the other half gives its height. Then the halves are exchanged. Noise
+that shifts the location therefore does not raise the height. Samples are smoothed by local parabolas of the largest width whose
 peak agrees within noise with the peaks of all narrower parabolas. A sharp peak is therefore smoothed little, and a flat
 peak much.
 
