@@ -10,9 +10,9 @@ The height of a breakaway peak must be free of bias, although samples are noisy.
 
 The largest of many noisy samples is biased upwards, and the largest of smoothed samples is biased downwards. Therefore,
 one half of the samples locates the peak, and the other half gives its height. Then the halves are exchanged. Noise
-that shifts the location therefore does not raise the height. Samples are smoothed by local parabolas of the largest width whose
-peak agrees within noise with the peaks of all narrower parabolas. A sharp peak is therefore smoothed little, and a flat
-peak much.
+that shifts the location therefore does not raise the height. Samples are smoothed by local parabolas of the largest
+width whose peak agrees within noise with the peaks of all narrower parabolas. A sharp peak is therefore smoothed
+little, and a flat peak much.
 
 A peak between a steep rise and a slow fall is modelled as a sharp or rounded corner:
 
