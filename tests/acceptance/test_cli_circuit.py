@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 import polars as pl
@@ -48,10 +47,3 @@ def test_components_are_listed(printed, refusal):
         assert all(f"{{{source}," in shown for source in entry["sources"])
         assert ("deg, not less than -90 deg and not more than 90 deg" in shown) is ("  incline " in shown)
     refusal(["components", "flow-controls"], "Did you mean 'flow-control'?")
-
-
-def test_the_schema_of_circuits_is_printed(printed):
-    schema = json.loads(printed(["schema", "circuit"]))
-    alternatives = schema["properties"]["components"]["additionalProperties"]["oneOf"]
-    kinds = [one["properties"]["kind"]["const"] for one in alternatives if "kind" in one["properties"]]
-    assert kinds == list(component_kinds())

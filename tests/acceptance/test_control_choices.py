@@ -119,11 +119,6 @@ def test_numbers_of_switching_valves_go_through_a_file_into_a_run(tmp_path):
     assert float(run.position[-1] - run.position[0]) > 2e-3, "it moves"
 
 
-def test_the_screen_has_the_numbers_of_the_file(printed):
-    said = printed(["control", "tune", SWITCHING])
-    assert all(gain.key in said for gain in pn.control.tune(pn.Circuit.load(SWITCHING)).numbers)
-
-
 def test_tune_tells_the_cost_of_an_ideal_valve(printed):
     assert "spool_frequency 75 Hz" in printed(["control", "tune", "catalogue:reference", "--law", "super-twisting"])
 

@@ -160,7 +160,8 @@ REFUSED = [
     ('"bristle_deflection_m"', '"position_m"', 'a trajectory already has a column "position_m"', "another name"),
     ("coulomb = {", "dwell = {", '"dwell" is a key of the friction table', ""),
     ("[output]", "", "force is an output, but is listed under [let]", "[output]"),
-    ('force = "elastic', 'forces = "elastic', "output.forces is not a known key", "force"),
+    ('force = "elastic', 'forces = "elastic', "output.forces is not a known key", "[output] needs force, in N"),
+    ("[output]\nforce", "[output]\n# force", "output.force is missing", 'Add [output] with force = "...", in N.'),
     ("[states]", '[levels]\ncoulomb = "colomb"\n[states]', "levels.coulomb: 'colomb' is not a parameter", "coulomb"),
     ('scale = "1 mm"', 'scale = "1 mm", above = 0', "starts at 0, which is not greater than 0", ""),
 ]

@@ -210,6 +210,12 @@ def test_presliding_gives_the_stiffness_of_the_law_that_made_the_loop(tmp_path: 
     start = drive.replace({"friction.bristle_stiffness": "4e5 N/m"})
     found = pn.identify_presliding(start, loops)
     assert found.values["friction.bristle_stiffness"] == pytest.approx(1e5, rel=0.03)
+    each = [column.measured for column in found.fitted.values()]
+    assert (len(each[0]), found.statistics["reversals"]) == (6, 6.0)
+    reach = [0.5 * (high - low) for low, high in found.intervals.values()]  # 2.5706: Student, 5 degrees of freedom
+    assert np.sqrt(np.diag(found.covariance)) == pytest.approx(np.std(each, axis=1, ddof=1) / np.sqrt(6.0))
+    assert reach == pytest.approx(2.5706 * np.sqrt(np.diag(found.covariance)), rel=1e-4)
+    assert found.statistics["breakaway_n"] == pytest.approx(45.0, rel=0.01)
     found.to_toml(tmp_path / "fit.toml")
     read = read_fit(tmp_path / "fit.toml")
     assert str(read) == str(found)
@@ -218,6 +224,19 @@ def test_presliding_gives_the_stiffness_of_the_law_that_made_the_loop(tmp_path: 
     assert set(after.provenance) == set(found.determined)
     name = "friction.bristle_stiffness"
     assert found.profile([name]) == {name: found.intervals[name]}
+
+
+def test_bounds_of_states_that_no_channel_measures() -> None:
+    """From simulated ones on: 80 K, 2 bar and four deflections of 30 N / 1e5 N/m, but at least 20 % of a pressure."""
+    record = servo(reference(), 0.2, amplitude=1e-3)
+    del record["pressure_b_pa"]
+    (one,) = pn.identify(reference(), record, ["friction.coulomb"]).profiler.args[0].problem.experiments
+    (lower, upper), still = one.limits, 293.15
+    assert one.hidden.tolist() == [False, False, False, True, True, True, True]
+    assert np.isinf([lower[:3], upper[:3]]).all()
+    assert [upper[3], lower[5]] == pytest.approx([still + 80.0, still - 80.0], abs=0.1)
+    assert upper[4] == pytest.approx(101300.0 + 2e5, rel=0.01)
+    assert [lower[4], lower[6]] == pytest.approx([0.2 * 101300.0, -4.0 * 30.0 / 1e5], rel=1e-3)
 
 
 def test_wrong_input_gets_one_message() -> None:

@@ -80,12 +80,6 @@ def test_a_known_run_is_predicted_better_than_a_new_one():
         found.predict("seal 0", speed_m_s=0.01, run="3")
 
 
-def test_without_a_repeat_the_difference_of_runs_is_called_assumed():
-    groups, _, _ = seals(1)
-    alone = {name: data.take(np.arange(4)) for name, data in groups.items()}
-    assert any("no seal was run twice" in said for said in survey_values(alone).statements())
-
-
 def test_messages_name_what_is_there(make_map):
     curves = make_map(np.full(6, 0.01), 3.0 + np.arange(6.0), 0.1, gauge_b=1e5 * np.arange(6))
     found = survey(curves, ["O-ring"] * 12)
@@ -294,10 +288,6 @@ def test_plateau_that_is_not_reached(noisy_fit):
     plateau, vs, level = remedied(lost(fit)["coulomb"], r"below (\S+) vs \(vs is near (\S+) mm/s", r"above (\S+) mm/s")
     assert (level, vs) == (pytest.approx(plateau * vs, rel=0.02), pytest.approx(12.0, rel=0.5))
     assert "viscous" not in fit.determined
-
-
-def test_good_data_leave_nothing_to_say(noisy_fit):
-    assert noisy_fit(np.geomspace(1e-3, 0.45, 20), 0.5, 6).undetermined == ()
 
 
 SLOPES = {"coulomb_a": 5e-6, "coulomb_b": 8e-6, "breakaway_a": 1.5e-5, "breakaway_b": 2.0e-5}

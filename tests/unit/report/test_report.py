@@ -111,12 +111,6 @@ def test_files_are_named_with_their_hashes(page, real):
         assert recording.sha256[:16] in page
 
 
-def test_the_offset_that_exceeds_friction_is_said(page, real):
-    larger = [level for level in real[0].levels if abs(level.offset_n) > level.friction_n]
-    assert larger, "the recordings were chosen so that one has it"
-    assert f"larger than the friction in {', '.join(level.recording for level in larger)}" in page
-
-
 # --- Whatever the recordings hold, there is a report: sections that have no data are left out.
 
 DATA = Path(__file__).resolve().parents[3] / "data" / "measurements" / "zillen-2021-pneumatic-piston"

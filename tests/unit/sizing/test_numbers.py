@@ -29,6 +29,31 @@ def choice(found):
     return DriveChoice(*(next(one for one in found[slot] if one.name == name) for slot, name in PARTS.items()))
 
 
+def test_assumed_values_of_a_cylinder_by_hand(found):
+    """Of 0.2 bar on bore 25: 9.817 N, 70 % sliding. Of 45 N sliding: a third more. Of 6 bar on bore 32: 5 % and 7 %."""
+    given = {
+        "smc-cm2y-25": (6.872, 9.817, 40.0),
+        "parker-osp-p25": (45.0, 60.0, 40.0),
+        "smc-cp96-32": (24.13, 33.78, 51.2),
+    }
+    kinds = {one.name: one.numbers for one in found["cylinder"]}
+    for name, values in given.items():
+        own = [kinds[name][f"friction.parameters.{key}"] for key in ("coulomb", "breakaway", "viscous")]
+        assert own == pytest.approx(values, rel=1e-3), name
+    masses = [kinds[name]["moving_mass"] for name in ("smc-cp96-32", "parker-osp-p25", "parker-osp-p16")]
+    rod = 7850.0 * math.pi / 4.0 * 0.012**2 * 0.2
+    assert masses == pytest.approx([0.2 + rod, 0.7, 0.7 * 0.64**2.2], rel=2e-3)
+    numbers = kinds["smc-cp96-32"]
+    volume = 0.015 * math.pi / 4.0 * 0.032**2
+    cushion = {"length": 0.016, "plunger_diameter": 0.016, "needle_conductance": 1.5e-9, "port_volume": 0.4 * volume}
+    assert {key: numbers[f"cushion_a_{key}"] for key in cushion} == pytest.approx(cushion, rel=2e-3)
+    assert numbers["dead_volume_a"] == pytest.approx(0.6 * volume, rel=2e-3)
+    for stroke, has_cushion in ((36, True), (35, False)):  # a cushion of 16 mm takes at most 45 % of a stroke
+        cylinders = choices(SizingTask(**TASK | {"stroke": f"{stroke} mm"}))["cylinder"]
+        (own,) = (one.numbers for one in cylinders if one.name == "smc-cp96-32")
+        assert ("cushion_a_length" in own) == has_cushion
+
+
 def test_each_drawn_number_moves_its_own_numbers_by_its_spread_and_no_other(choice):
     task = SizingTask(**TASK)  # tube and needle have an assumed size, which doubles the spread
     nominal = np.full(len(DRAWN), 0.5)

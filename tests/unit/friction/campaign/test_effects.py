@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from oracle.campaigns import BAR, Friction, gauges, hits, rewrite
+from pneudrive.friction.campaign import characteristics, statements
 
 CROSSED = ((0.0, 0.0), (BAR, 0.0), (0.0, BAR), (BAR, BAR), (2.0 * BAR, BAR))
 SPEEDS = tuple(np.geomspace(2e-3, 0.3, 6))
@@ -161,6 +164,22 @@ def test_a_drift_is_told_by_sentinels_and_not_at_all_where_speed_and_time_went_t
     assert blind.drift.per_hour is None
     assert "cannot be separated from the curve" in not_carried(blind, "drift")
     assert "sentinels" in not_carried(blind, "drift")
+
+
+def test_friction_still_changes_if_its_last_quarter_changes_by_more_than_half_of_the_band(measured, quick, monkeypatch):
+    """From 30 h of 40 h on by 0.1 N/h, 1 N in all, after a jump that does not count; two cycles are too few."""
+    asked = []
+    monkeypatch.setattr(characteristics, "statements", lambda *given: asked.append(given) or ())
+    measured(quick())
+    ((found, *rest),) = asked
+    for cycles, half_n, is_said in ((41, 0.99, True), (41, 1.01, False), (9, 0.99, True), (5, 0.99, False)):
+        hours = np.linspace(0.0, 40.0, cycles)
+        course = np.where(hours < 30.0, -50.0, 0.1 * hours)
+        band = {"time_s": 3600.0 * hours, "drift_n": course, "low_n": course - half_n, "high_n": course + half_n}
+        own = replace(found, drift=replace(found.drift, **band))
+        notes = [note.text for note in statements.statements(own, *rest) if "still changes" in note.text]
+        assert len(notes) == is_said, (cycles, half_n)
+        assert all("by +1 N over the last 25 % of time" in note for note in notes)
 
 
 def test_repeatability_within_and_between_blocks(measured, quick):

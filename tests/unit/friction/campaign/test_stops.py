@@ -16,10 +16,12 @@ from pneudrive.campaign.storage.folder import Campaign
 from pneudrive.characteristics import campaign_friction, write_characteristics
 from pneudrive.errors import CampaignError
 from pneudrive.estimate.estimates import one_thread
-from pneudrive.friction.campaign.stops.course import find_phases
+from pneudrive.friction.campaign.stops.course import Running, bin_excess, find_phases
 from pneudrive.friction.campaign.stops.dwell_law import fit_dwell
 from pneudrive.friction.campaign.stops.stop import find_breakaway, find_stops
 from pneudrive.rig.interface import Sampling
+from pneudrive.signals.motion import noise_level
+from pneudrive.signals.recording import Recording
 
 
 def found(folder, world, seed=0):
@@ -74,6 +76,26 @@ def test_a_sharp_corner_is_neither_cut_nor_surer_than_it_is(noise_n, stiffness, 
     assert abs(np.mean(away)) < 0.008  # 0.025 when smoothed, 0.014 at the place of a wide parabola
     assert np.mean(np.abs(away) < 1.96 * np.array(doubt)) >= 0.85
     assert np.median(doubt) < most
+
+
+@pytest.mark.parametrize(("per_count", "least"), [(1, 4), (3, 6), (5, 5)])
+def test_bins_of_the_excess_hold_every_sample_in_motion_once(per_count, least):
+    """Also with a coarse encoder, of which several samples have the same travel. White noise falls with the root."""
+    time = 1e-3 * np.arange(400)
+    travel = 1e-6 * np.floor(np.arange(1, 401) / per_count)
+    friction = 30.0 + np.random.default_rng(3).standard_normal(time.size)
+    rest = np.full(time.size, 1e5)
+    recording = Recording("one", time, -travel, rest, rest, rest, area_a_m2=1e-4, area_b_m2=1e-4)
+    running = Running(30.0, 0.1, 0.0, "approach", 0.0, np.array([]), np.array([]))
+    bins, speed = bin_excess(recording, friction, slice(0, 400), -1, running)
+    count, moves = (noise_level(friction) / bins[3]) ** 2, travel > travel[0]
+    assert count.min() == pytest.approx(least)
+    assert count.max() == pytest.approx(399.0 * (1.0 - 80.0 ** (-1.0 / 55.0)), abs=0.5 + per_count)  # 55 bins: 5 .. 399
+    assert count @ bins.T[:, :3] == pytest.approx(
+        [(one - one[0])[moves].sum() for one in (travel, time)] + [(friction - 30.0)[moves].sum()]
+    )
+    assert speed == pytest.approx(np.ptp(travel) / 0.399)
+    assert bin_excess(recording, friction, slice(399 - 31, 400), -1, running) is None
 
 
 @pytest.mark.parametrize("bandwidth_hz", [60.0, 500.0])

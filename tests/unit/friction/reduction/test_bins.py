@@ -82,16 +82,21 @@ def test_noise_of_the_force_does_not_raise_it(make, noise):
 
 
 def test_fewer_than_ten_samples_on_the_rise_spoil_it(make):
-    found = characterise_recordings(with_peaks(make, rate=60.0))
+    """From 10 % to 90 % of 11.9 N it takes 19.5 ms, by 1 mm/s."""
+    found = characterise_recordings(with_peaks(make, rate=460.0))
     level = found.levels[0]
+    assert not any(p.flags for p in characterise_recordings(with_peaks(make, rate=550.0)).levels[0].peaks)
     assert [row.text for row in found.view().rows if row.quantity == "flags"] == ["breakaway_spoiled"]
     assert all("undersampled" in p.flags for p in level.peaks)
     assert all(np.isnan(row["breakaway_n"]) and "breakaway_spoiled" in row["flags"] for row in level.rows)
 
 
-def test_a_pressure_transient_spoils_it(make):
-    level = characterise_recordings(with_peaks(make, rate=1000.0, swing=0.1e5)).levels[0]
-    assert all("pressure_transient" in p.flags for p in level.peaks)
+@pytest.mark.parametrize(("share", "is_spoiled"), [(0.095, False), (0.105, True)])
+def test_a_change_of_the_pressure_by_a_tenth_of_the_rise_spoils_it(make, share, is_spoiled):
+    """Of 11.9 N, from -5 N to the peak; the pressure changes by twice its swing from stroke to stroke."""
+    swing = share * 11.87 / (2.0 * np.pi / 4.0 * 0.025**2)
+    level = characterise_recordings(with_peaks(make, rate=1000.0, swing=swing)).levels[0]
+    assert [p.flags for p in level.peaks] == [("pressure_transient",) * is_spoiled] * 9
 
 
 def test_noise_of_the_pressure_is_no_transient(make):
