@@ -92,11 +92,13 @@ def test_fewer_than_ten_samples_on_the_rise_spoil_it(make):
 
 
 @pytest.mark.parametrize(("share", "is_spoiled"), [(0.095, False), (0.105, True)])
-def test_a_change_of_the_pressure_by_a_tenth_of_the_rise_spoils_it(make, share, is_spoiled):
-    """Of 11.9 N, from -5 N to the peak; the pressure changes by twice its swing from stroke to stroke."""
-    swing = share * 11.87 / (2.0 * np.pi / 4.0 * 0.025**2)
-    level = characterise_recordings(with_peaks(make, rate=1000.0, swing=swing)).levels[0]
-    assert [p.flags for p in level.peaks] == [("pressure_transient",) * is_spoiled] * 9
+def test_a_tenth_of_the_rise_by_pressure_or_inertia_spoils_it(make, share, is_spoiled):
+    """Of 11.9 N, from -5 N to the peak: twice the swing of the pressure, or 80 % of 10 mm/s within a sample, 8 m/s2."""
+    changes = {"swing": 0.5 / (np.pi / 4.0 * 0.025**2), "mass_beyond_sensor_kg": 1.0 / 8.0}
+    for flag, (name, per_newton) in zip(("pressure_transient", "inertia"), changes.items(), strict=True):
+        changed = with_peaks(make, rate=1000.0, **{name: share * 11.87 * per_newton})
+        flags = [peak.flags for peak in characterise_recordings(changed).levels[0].peaks]
+        assert flags.count((flag,)) in ((9,) if is_spoiled else (0, 1))  # a rise begins at up to 10 %
 
 
 def test_noise_of_the_pressure_is_no_transient(make):
