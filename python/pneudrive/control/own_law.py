@@ -11,14 +11,11 @@ from collections import namedtuple
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from pneudrive import _core, own_code
 from pneudrive.arrays import Keyed
 from pneudrive.errors import CommandError, OwnLawError, nearest
-
-if TYPE_CHECKING:
-    from pneudrive.control.tuning import Tuning
 
 #: Name of all custom laws in the core.
 OWN = "own"
@@ -87,7 +84,7 @@ class OwnLaw:
     digest: str
     given: Any = field(repr=False, compare=False)  # the law, or a class or a function that makes one for a run
 
-    def begin(self, tuning: Tuning, motion: Keyed) -> RunningLaw:
+    def begin(self, tuning: Any, motion: Keyed) -> RunningLaw:  # noqa: ANN401 - `Tuning` itself imports this module
         """Prepare the law for a run: make its object, check its inputs, and call its ``start`` if it has one."""
         name = self.name
         law = own_code.guarded(name, CommandError, self.given) if callable(self.given) else self.given

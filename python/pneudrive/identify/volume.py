@@ -32,7 +32,7 @@ from pneudrive.identify.base import Fit, FitFile, Undetermined, recording_tables
 from pneudrive.identify.dynamic.fit import noise_of, solve
 from pneudrive.identify.dynamic.problem import FitProblem, FittedRecording, Iterate
 from pneudrive.identify.dynamic.result import CORRELATED, LARGEST_REACH, applied_note, named_value, warn_of_mixture
-from pneudrive.identify.dynamic.search import Misfit, Search, Solved, join_segments, profile, solution
+from pneudrive.identify.dynamic.search import Misfit, SearchOptions, Solved, join_segments, profile, solution
 from pneudrive.identify.dynamic.sensors import Channel
 from pneudrive.identify.identified import FittedData, number_table, sentence, sentences, written_as
 from pneudrive.numbers import plain
@@ -180,7 +180,7 @@ def identify_volume(
     watch = Watch(progress, cancel)
     records = read_volume_recordings(recordings, layout)
     names, held = _free(tank, records, free)
-    search = Search(watch, 0.0, RTOL)
+    search = SearchOptions(watch, 0.0, RTOL)
     variants, line = [tank], tank.line
     if line is not None and "linear_above" not in line.to_dict():
         highest = max(np.median(ratio[-LAST_SAMPLES:]) for ratio in _pressure_ratios(tank, records))
@@ -298,7 +298,7 @@ def _is_apart(one: Misfit, other: Misfit) -> bool:
     return bool(np.abs(one.point.eta - other.point.eta).max() > APART)
 
 
-def _minima(tank: Tank, records: list[VolumeRecording], names: list[str], search: Search) -> list[Misfit]:
+def _minima(tank: Tank, records: list[VolumeRecording], names: list[str], search: SearchOptions) -> list[Misfit]:
     """Search from several starts on thinned samples; return the minima of the cost, best first."""
     bends, thinned = [i for i, name in enumerate(names) if name in BENDS], []
     for record in records:  # at most about a thousand samples, and those at which the line opens or shuts

@@ -187,7 +187,7 @@ def identify(
     columns = {} if axis is None else {full: short for short, full in axis[1]}
     records = read_drive_recordings(recordings, layout, ("time_s", "command"), gaps=True, names=columns)
     present = [sensing.channels_in(record, channels) for record in records]
-    options = search.Search(Watch(progress, cancel), SEGMENT_S, RTOL, axis=axis)
+    options = search.SearchOptions(Watch(progress, cancel), SEGMENT_S, RTOL, axis=axis)
     numbers = numbers_of(drive)
     piston = PISTON if axis is None else axis[0]
     stroke_m = numbers[f"{piston}.stroke"].value
@@ -229,7 +229,7 @@ def identify(
     return assembled(drive, best, options)
 
 
-def _best_of_attempts(attempt: Callable[[Array | None], search.Solved], options: search.Search) -> search.Solved:
+def _best_of_attempts(attempt: Callable[[Array | None], search.Solved], options: search.SearchOptions) -> search.Solved:
     """Search; if the result does not fit the motion, repeat with shorter segments as long as that helps.
 
     Errors of short segments are small even for wrong values. A search with short segments therefore avoids local
@@ -269,7 +269,7 @@ def _resolvable(
     parameters: list[Parameter],
     records: list[DriveRecording],
     described: dict[str, sensing.Channel],
-    options: search.Search,
+    options: search.SearchOptions,
 ) -> list[Parameter]:
     """Hold the bristle damping if the encoder does not resolve the deflection of the bristles."""
     damping = [p for p in parameters if p.name.endswith("friction.bristle_damping")]
@@ -306,7 +306,7 @@ def noise_of(channel: sensing.Channel, record: DriveRecording | VolumeRecording,
 def solve(
     problem: FitProblem,
     point: Iterate,
-    options: search.Search,
+    options: search.SearchOptions,
 ) -> search.Solved:
     """Search, and estimate the noise of the sensors from the residuals, until the noise converges.
 

@@ -33,7 +33,7 @@ from pneudrive.files.inputs import INPUTS, inputs_of
 from pneudrive.free.parameters import DriveFamily, Parameter, family_of, numbers_of
 from pneudrive.identify.base import HASH_DIGITS, SIMULATED, Fit, FitFile, Undetermined, recording_tables
 from pneudrive.identify.dynamic.problem import FitProblem, Iterate
-from pneudrive.identify.dynamic.search import Search, Solved, profile
+from pneudrive.identify.dynamic.search import SearchOptions, Solved, profile
 from pneudrive.identify.dynamic.sensors import CHANNELS
 from pneudrive.identify.export import SlidingCurve, curve_of_drive
 from pneudrive.identify.identified import FittedData, apply_identified, remedy_for, sentence, stated
@@ -415,7 +415,7 @@ def unresolved_damping(step_m: float, breakaway_n: float, stiffness_n_m: float) 
 CORRELATED, SOLVER_SHARE = 10.0, 0.1
 
 
-def assembled(drive: Drive | Circuit, solved: Solved, options: Search) -> DriveFit:
+def assembled(drive: Drive | Circuit, solved: Solved, options: SearchOptions) -> DriveFit:
     """Return the fit from the best solution of a search."""
     problem, parameters, records = solved.problem, solved.problem.parameters, solved.problem.records
     values, names, size = solved.values, problem.names, problem.drive_size
@@ -470,7 +470,7 @@ def assembled(drive: Drive | Circuit, solved: Solved, options: Search) -> DriveF
     return replace(fit, undetermined=(*options.lost, *lost), notes=notes)
 
 
-def _notes(drive: Drive | Circuit, options: Search, solved: Solved) -> list[str]:
+def _notes(drive: Drive | Circuit, options: SearchOptions, solved: Solved) -> list[str]:
     notes, problem = list(options.notes), solved.problem
     if not solved.converged:
         if not options.interrupted:

@@ -211,7 +211,7 @@ def _condense(problem: FitProblem, point: Iterate, shot: Shot, i: int) -> ArrayP
     return by_unknown, closing
 
 
-def predict_segments(problem: FitProblem, point: Iterate, search: Search) -> Iterate:
+def predict_segments(problem: FitProblem, point: Iterate, search: SearchOptions) -> Iterate:
     """Run the first phase, until the point is near enough for the second phase.
 
     The noise is set to the present error of the model, but not below the noise of the sensors. Offsets are held,
@@ -290,7 +290,7 @@ def equations(problem: FitProblem, at: Misfit) -> ArrayPair:
 
 
 def join_segments(
-    problem: FitProblem, point: Iterate, search: Search | None, most: int = MOST_STEPS
+    problem: FitProblem, point: Iterate, search: SearchOptions | None, most: int = MOST_STEPS
 ) -> tuple[Misfit, bool]:
     """Run the second phase to its end.
 
@@ -492,7 +492,7 @@ LADDER_S, SECOND_LADDER_S, LEAST_SEGMENT_SAMPLES = (0.01, 0.04), (0.02, 0.08), 8
 
 
 @dataclass
-class Search:
+class SearchOptions:
     """Options of a search, its progress, and its best point in case of an interruption."""
 
     watch: Watch
