@@ -34,6 +34,13 @@ def test_every_substitution_of_the_documentation_is_known():
     assert used <= quoted().keys()
 
 
+def test_no_page_repeats_the_time_of_a_peer():
+    """Times of peers stand in benches/results.md and in README, which is compared; other pages take substitutions."""
+    for page in (ROOT / "docs").rglob("*.md"):
+        text = page.read_text(encoding="utf-8")
+        assert not re.search(r"\d+\s+times[^.]{0,80}(odeint|LSODA|CVODE)", text), page
+
+
 def test_the_page_of_controllers_names_every_ready_mismatch():
     text = (ROOT / "docs/guide/control.md").read_text(encoding="utf-8")
     assert [name for name in ready_mismatches() if f"`{name}`" not in text] == []

@@ -13,6 +13,7 @@ import pytest
 from oracle.held_out import held_out
 from pneudrive.characterise import SourcePaper, characterise_recordings
 from pneudrive.identify.static.fit import row_seals_and_runs
+from pneudrive.identify.static.survey import survey
 
 DATA = Path(__file__).resolve().parents[2] / "data" / "measurements" / "zillen-2021-pneumatic-piston"
 FILES = sorted([*DATA.glob("friction/*.csv.xz"), *DATA.glob("repeatability/*.csv.xz")])
@@ -40,12 +41,24 @@ def friction_from_work(path: Path) -> float:
     return float(work / ((out + back) * (WINDOW_MM[1] - WINDOW_MM[0])))
 
 
+def test_all_recordings_are_there():
+    assert len(FILES) == 30
+
+
 @pytest.mark.parametrize("path", FILES, ids=lambda p: p.name.split(".csv")[0])
 def test_friction_agrees_with_the_work_around_the_record(found, path):
     level = {level.recording: level for level in found.levels}[path.name.removesuffix(".csv.xz")]
     expected = friction_from_work(path)
     # The bar is 5 % or 0.3 N. Both routes see the same samples and agree far better.
     assert level.friction_n == pytest.approx(expected, rel=0.002)
+
+
+def test_ten_strokes_each_way_at_the_stated_speeds(found):
+    for level in found.levels:
+        assert [row["strokes"] for row in level.rows] == [10, 10], level.recording
+        out, back = (row["velocity_m_s"] for row in level.rows)
+        assert 5e-3 < out < 14.5e-3, level.recording
+        assert 11e-3 < -back < 15.5e-3, level.recording
 
 
 def test_the_offset_exceeds_the_friction_where_the_piston_is_not_round(found):
@@ -72,6 +85,15 @@ def test_the_prediction_band_is_wider_than_the_spread_between_runs(found):
         assert (half > 1.9 * found.run_spread.relative * np.abs(line.band_mean_n)).all(), line.seal
 
 
+def test_u_is_not_the_naive_error_of_samples(found):
+    for level in found.levels:
+        profile = level.profile
+        scatter = np.nanstd(profile.up_strokes_n[:, profile.in_window] - profile.up_n[profile.in_window])
+        naive = scatter / np.sqrt(level.rows[0]["samples"])
+        assert level.stderr_n > naive, level.recording
+        assert 0.05 < level.expanded_n < 2.0, level.recording
+
+
 def test_breakaway_peaks_are_called_spoiled(found):
     peaks = [peak for level in found.levels for peak in level.peaks]
     assert len(peaks) == 30 * 19
@@ -81,6 +103,12 @@ def test_breakaway_peaks_are_called_spoiled(found):
 
 def test_no_stick_slip_at_these_speeds(found):
     assert not any("stick_slip" in level.flags for level in found.levels)
+
+
+def test_gaps_are_counted(found):
+    gaps = {r.name: r.flags.get("gap", 0) for r in found.recordings}
+    assert gaps["Kidney_lc_4bar"] > 0
+    assert gaps["Kidney_lc_2bar"] == 0
 
 
 def test_source_paper_protocol_is_close_where_friction_is_even(found):
@@ -121,3 +149,16 @@ def test_an_unseen_run_lies_in_its_prediction_interval(left_out):
     assert len(pairs) == 10, "five pressures at which a seal was run twice, either run unseen"
     assert sum(v.is_inside for v in pairs) >= 8
     assert np.median(half_widths(pairs)) < 0.6
+
+
+def test_an_unseen_run_of_either_direction_lies_in_its_prediction_interval(left_out):
+    values = [v for d in (1, -1) for v in left_out(by="run", direction=d) if v.seal == "O-ring257"]
+    assert len(values) == 16, "four pressures, two runs, two directions"
+    assert sum(v.is_inside for v in values) >= 12
+
+
+def test_what_the_seals_share_is_said(found):
+    said = " ".join(survey(found.friction_map, *row_seals_and_runs(found)).statements())
+    assert "scatter by" in said
+    assert "2 repeated runs" in said
+    assert "O-ring: as many parameters as recordings" in said

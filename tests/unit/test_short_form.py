@@ -196,24 +196,7 @@ def test_a_fault_of_a_short_table_in_a_circuit_is_told_where_it_stands(tmp_path)
 
 def test_a_short_supply_feeds_a_single_acting_cylinder():
     """Spring, 3/2 valve, and the supply of a drive file: the valve is the user's, so are its joints."""
-    text = """schema = 1
-connections = ["supply -> valve.1", "valve.2 -> clamp.a"]
-[supply]
-pressure = "6 bar gauge"
-[components.valve]
-use = "catalogue:ckd-m3ga1-r-dual"
-[components.clamp]
-kind = "cylinder/single-acting"
-bore = "25 mm"
-rod_diameter = "10 mm"
-stroke = "50 mm"
-dead_volume = { a = "5 cm3", b = "5 cm3" }
-moving_mass = "0.4 kg"
-spring = { stiffness = "600 N/m", preload = "15 N" }
-breather = { conductance = "1 dm3/(s bar)" }
-friction = { law = "coulomb", coulomb = "8 N" }
-"""
-    circuit = pn.Circuit.load(text)
+    circuit = pn.Circuit.load(Path(__file__).parents[1] / "data" / "short_supply.toml")
     assert circuit.connections == ("supply -> valve.1", "valve.2 -> clamp.a")
     ran = circuit.simulate("0 s: 1, 0.3 s: 0", "0.8 s", initial={"clamp.position": "0 mm"})
     assert ran["clamp.position"].max() > 0.049

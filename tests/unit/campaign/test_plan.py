@@ -15,6 +15,7 @@ from pneudrive.campaign.planning.protocol import ready_protocols
 from pneudrive.rig import Hold, Limits, Move
 from pneudrive.rig.motion import move
 
+DATA = Path(__file__).parents[2] / "data"
 SWEEP = """
 seed = 7
 repeats = 3
@@ -23,36 +24,7 @@ list = ["2 mm/s", "5 mm/s", "20 mm/s", "50 mm/s", "200 mm/s"]
 [pressure]
 both = ["0 bar gauge", "1 bar gauge"]
 """
-FULL = (
-    SWEEP.replace("200 mm/s", "500 mm/s")
-    + """
-settling = "7 s"
-[stop]
-durations = ["0 s", "15 s"]
-axis = "both"
-restart_speed = ["1 mm/s", "10 mm/s"]
-approach = "5 mm"
-recovery = "10 mm"
-[mounting]
-levels = ["x", "y"]
-time = "10 min"
-[seal]
-levels = ["new", "worn"]
-[order]
-kind = "randomised"
-replicates = 2
-[warm_up]
-run_in_cycles = 30
-[sentinel]
-speed = "50 mm/s"
-every = 10
-[before_block]
-tare = "5 s"
-leak_check = "30 s"
-blank_stroke = "20 mm/s"
-known_weight = { mass = "2 kg" }
-"""
-)
+FULL = SWEEP.replace("200 mm/s", "500 mm/s") + (DATA / "full_protocol.toml").read_text("utf-8")
 SCRIPT = """
 import hashlib, runpy, sys
 plan = runpy.run_path(sys.argv[1])["lay"](sys.stdin.read())

@@ -101,6 +101,19 @@ def test_each_line_of_the_budget_is_what_its_error_does_to_half_difference_and_h
     assert level.expanded_n == pytest.approx(2 * np.hypot(level.stderr_n, total))
 
 
+def test_what_is_assumed_is_said(make):
+    notes = characterise_recordings(make()).notes
+    assert any(note.startswith("Assumed") and "bore" in note and "hysteresis" in note for note in notes)
+
+
+def test_wrong_area_and_zero_leave_friction_within_its_u(make):
+    for gauge in (1e5, 3e5, 5e5, 7e5):
+        level = characterise_recordings(
+            make(friction=4.0, gauge_b=gauge, swing=0.04e5, area_error=0.02, zero=1.0, stroke_spread=0.05)
+        ).levels[0]
+        assert abs(level.friction_n - 4.0) <= level.expanded_n
+
+
 def test_two_strokes_that_agree_by_chance_keep_the_error_of_their_noise(make):
     deviations, stated = [], []
     for seed in range(20):
