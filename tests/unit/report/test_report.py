@@ -149,7 +149,7 @@ def test_there_is_a_report(name, tmp_path):
 def test_stick_slip_of_a_recording_is_measured_and_drawn(tmp_path):
     found = characterise_recordings([from_run(creep("stribeck"))])
     page = write_report(found, {}, tmp_path).read_text(encoding="utf-8")
-    assert "1 of 1 stroke stick and slip" in page
+    assert "1 of 1 stroke show stick-slip" in page
     assert (tmp_path / "figures" / "stick-slip-recordings-phase.png").is_file()
 
 
