@@ -9,7 +9,7 @@ For a row of a recording (one speed level):
 
 For a row of a campaign (one cycle):
 
-    stderr_n        type A   `cycle_terms`: `chance_n` of its strokes, scatter from cycle to cycle
+    stderr_n        type A   `chance_n` of its strokes, and scatter from cycle to cycle
     u_systematic_n  type B   `SharedTerms`: gain, hysteresis, mean over position
                     type A   state of the campaign, and block or day
 

@@ -348,7 +348,7 @@ class DrivenCircuit:
     def heat_w_k(self, side: str) -> float | None:
         """Return the heat transfer from gas to wall in W/K, at the wall of the dead volume and both end faces.
 
-        Without a tank at the chamber, or with a coefficient that is not constant, the result is None.
+        It is defined for a chamber with a tank and a constant coefficient; otherwise, None is returned.
         """
         tank = self.tanks[side]
         numbers = self.parts[tank or self.piston]["numbers"]
