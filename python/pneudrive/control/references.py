@@ -334,9 +334,9 @@ def named_or_read(given: ReferenceOrFile, stroke_m: float, speeds_m_s: Pair) -> 
         made = motion.stairs(start_m, [motion.ReferenceMove(*one) for one in each], rest_s)
     else:
         rows, at, time = [], middle, _PAUSE_S
+        size = stroke_m / RAMPS_STROKE_M
         for velocity, way in _RAMPS:  # at constant velocity, each forth and back
             for sign in (1.0, -1.0):
-                size = stroke_m / RAMPS_STROKE_M
                 to, lasts = at + sign * size * way, size * way / velocity
                 rows += motion.along_line(time, at, to, lasts, _RUN_UP_S)
                 at, time = to, time + lasts + _RUN_UP_S + _PAUSE_S
