@@ -332,7 +332,7 @@ def traces(found: CampaignCharacteristics) -> Figure:
     """Draw a short, a medium and a long stop, and their restarts in detail."""
     usable, named = found.stops.filter("usable"), condition_names(found)
     rows = (usable if len(usable) else found.stops).sort("dwell_s", maintain_order=True)
-    chosen = rows[spread_evenly(range(len(rows)), 3)]
+    chosen = rows[spread_evenly(range(len(rows)), 3)]  # three stops fit in one picture
     panels = []
     for stop, condition in zip(chosen.iter_rows(named=True), conditions_of(chosen), strict=True):
         time, friction = (np.array(stop[f"trace_{name}"]) for name in ("time_s", "friction_n"))
