@@ -36,44 +36,26 @@ SAME_POSITION_M = 1e-3
 SPEED_TOLERANCE, PRESSURE_TOLERANCE_PA = 0.05, 2000.0
 
 
-def near(asked: float, recorded: float, tolerance: float) -> bool:
-    """Return whether a recorded value differs from the requested one by at most the fraction `tolerance`."""
-    return abs(asked - recorded) <= tolerance * asked
+def matches(asked: Sequence[Step], recorded: Sequence[Step], tolerance: float) -> bool:
+    """Return whether steps match recorded ones: speeds and durations differ at most by the fraction `tolerance`."""
 
+    def near(asked: float, recorded: float) -> bool:
+        return abs(asked - recorded) <= tolerance * asked
 
-def alike(asked: Step, recorded: Step, tolerance: float) -> bool:
-    """Return whether a recorded step matches the requested step."""
-    if isinstance(asked, Move) and isinstance(recorded, Move):
-        is_there = abs(asked.to_m - recorded.to_m) <= SAME_POSITION_M
-        return is_there and near(asked.speed_m_s, recorded.speed_m_s, tolerance)
-    if isinstance(asked, Move) or isinstance(recorded, Move):
+    def alike(asked: Step, recorded: Step) -> bool:
+        if isinstance(asked, Move) and isinstance(recorded, Move):
+            return abs(asked.to_m - recorded.to_m) <= SAME_POSITION_M and near(asked.speed_m_s, recorded.speed_m_s)
+        if isinstance(asked, Hold) and isinstance(recorded, Hold):
+            same_axis = (asked.released, asked.shut) == (recorded.released, recorded.shut)
+            return same_axis and near(asked.duration_s, recorded.duration_s)
         return False
-    return (asked.released, asked.shut) == (recorded.released, recorded.shut) and near(
-        asked.duration_s, recorded.duration_s, tolerance
-    )
+
+    return len(asked) == len(recorded) and all(map(alike, asked, recorded))
 
 
-def matches(steps: Sequence[Step], cycle: Cycle, tolerance: float) -> bool:
-    """Return whether the steps match those of a recorded cycle.
-
-    If the recorded cycle lists no steps, compare the longest stop and the speed after it.
-    """
-    if cycle.steps:
-        return len(steps) == len(cycle.steps) and all(
-            alike(*pair, tolerance) for pair in zip(steps, cycle.steps, strict=True)
-        )
-    holds = [(step.duration_s, at) for at, step in enumerate(steps) if isinstance(step, Hold)]
-    stop, at = max(holds, default=(0.0, 0)) if cycle.stop_s else (0.0, 0)
-    moves = [step.speed_m_s for step in steps[at:] if isinstance(step, Move)]
-    if not moves or cycle.speed_m_s is None or not near(moves[0], cycle.speed_m_s, tolerance):
-        return False
-    return bool(cycle.stop_s) == bool(holds) and near(stop, cycle.stop_s or 0.0, tolerance)
-
-
-def speeds_of(cycle: Cycle) -> list[float]:
-    """Return the speeds of the moves of a cycle in m/s. If the header lists no moves, return the speed of the cycle."""
-    moves = [step.speed_m_s for step in cycle.steps if isinstance(step, Move)]
-    return moves or ([cycle.speed_m_s] if cycle.speed_m_s else [])
+def moves_of(steps: Sequence[Step]) -> list[Move]:
+    """Return the moves among the steps of a cycle."""
+    return [step for step in steps if isinstance(step, Move)]
 
 
 class ReplayRig:
@@ -197,17 +179,17 @@ class ReplayRig:
         def fits(cycle: Cycle) -> bool:
             is_mounted = all(cycle.levels.get(factor, level) == level for factor, level in self._levels.items())
             is_near = is_mounted and max(self._apart_pa(cycle)) <= self.pressure_tolerance_pa
-            return is_near and matches(steps, cycle, self.speed_tolerance)
+            return is_near and matches(steps, cycle.steps, self.speed_tolerance)
 
         matching = [file for file in self.files if fits(file.cycle)]
         if matching:
             return min(matching, key=lambda file: (file.cycle.key != self._key, self._played[file.name]))
-        moves = [step for step in steps if isinstance(step, Move)]
+        moves = moves_of(steps)
         stop = max((step.duration_s for step in steps if isinstance(step, Hold)), default=0.0)
         wanted = moves[-1].speed_m_s if moves else 0.0
 
         def distance(file: CycleFile) -> float:
-            apart = (abs(np.log(speed / wanted)) for speed in speeds_of(file.cycle) if wanted)
+            apart = (abs(np.log(move.speed_m_s / wanted)) for move in moves_of(file.cycle.steps) if wanted)
             return sum(self._apart_pa(file.cycle)) / self.pressure_tolerance_pa + min(apart, default=9)
 
         nearest = "; ".join(map(_described, sorted(self.files, key=distance)[:SHOWN]))
@@ -220,12 +202,10 @@ class ReplayRig:
             return
         began, start, began_s = monotonic(), samples.time_s[0], file.head.began_s
         duration = float(np.nanmax(samples.time_s) - start)
-        count = max(1, round(duration / PART_S / self.pace)) if self.pace else max(1, len(samples) // 1000)
+        parts = round(duration / PART_S / self.pace) if self.pace else len(samples) // 1000
         self._state = replace(self._state, moving=True, time_s=began_s)
         try:
-            for rows in np.array_split(np.arange(len(samples)), count):
-                if not rows.size:
-                    continue
+            for rows in np.array_split(np.arange(len(samples)), np.clip(parts, 1, len(samples))):
                 part = samples.rows(rows)
                 self._wait(began, float(part.time_s[-1] - start))
                 if self._halted.is_set():
@@ -249,7 +229,7 @@ def _bar(pressures: Cycle | RigState) -> str:
 
 def _described(file: CycleFile) -> str:
     """Describe a recorded cycle in words."""
-    speeds = speeds_of(file.cycle)
+    speeds = [move.speed_m_s for move in moves_of(file.cycle.steps)]
     speed = f"{1e3 * np.median(speeds):.4g} mm/s" if speeds else "no move"
     return f"{file.name} ({speed}, {_bar(file.cycle)})"
 
@@ -279,9 +259,9 @@ def load_replay(source: str | Path, seed: int, pace: float | None) -> ReplayRig:
     if not (folder / ABOUT).is_file():
         raise RigError.of("campaign.not-replayed", folder=folder)
     campaign = Campaign.open(folder)
-    files = [file for file in campaign.cycles() if file.cycle.kind != "operator"]
+    files = [file for file in campaign.cycles() if file.cycle.steps]
     if not files:
-        raise RigError("the campaign has no finished cycle to play", where=folder)
+        raise RigError("the campaign has no finished cycle with steps to play", where=folder)
     identity, envelope = identity or campaign.identity, campaign.about.get("envelope")
     limits = limits or (envelope_of(envelope, str(folder / ABOUT)) if envelope else _envelope(files, identity))
     return ReplayRig(files, identity, limits, pace, file)
@@ -289,24 +269,17 @@ def load_replay(source: str | Path, seed: int, pace: float | None) -> ReplayRig:
 
 def _envelope(files: Sequence[CycleFile], identity: Identity) -> Envelope:
     """Return the limits of a rig that is known only from recordings: the range that all recordings cover."""
-    ends: list[float] = []
-    for file in files:
-        moves = [step.to_m for step in file.cycle.steps if isinstance(step, Move)]
-        if not file.cycle.steps:  # without steps in the header, the range of the samples
-            position = file.samples().position_m
-            ends += [float(np.nanmin(position)), float(np.nanmax(position))]
-        elif len(moves) > 1:
-            ends += moves
-    if not ends:
+    moves = [move for file in files for move in moves_of(file.cycle.steps)]
+    ends = [move.to_m for move in moves]
+    if len(set(ends)) < 2:
         raise RigError(
             "no recording moves in both directions", rule="without such a recording the range of the axis is unknown"
         )
-    cycles = [file.cycle for file in files]
-    pressures = [pressure for cycle in cycles for pressure in cycle.pressures_pa]
+    pressures = [pressure for file in files for pressure in file.cycle.pressures_pa]
     force = identity.limits.get("force_n", (-NO_LIMIT_N, NO_LIMIT_N))
     return Envelope(
         position_m=(min(ends), max(ends)),
-        speed_m_s=max((speed for cycle in cycles for speed in speeds_of(cycle)), default=0.0) * (1.0 + SPEED_TOLERANCE),
+        speed_m_s=max(move.speed_m_s for move in moves) * (1.0 + SPEED_TOLERANCE),
         acceleration_m_s2=ASSUMED_ACCELERATION_M_S2,
         jerk_m_s3=ASSUMED_JERK_M_S3,
         force_n=min(map(abs, force)),
