@@ -10,7 +10,7 @@ import pytest
 
 from pneudrive.campaign.cycle import KINDS, Cycle, Head
 from pneudrive.campaign.running.attempt import FLAGS
-from pneudrive.campaign.status import preliminary_friction, status_of
+from pneudrive.campaign.status import preliminary_frictions, status_of
 from pneudrive.campaign.storage.folder import COLUMNS, Campaign
 from pneudrive.friction.campaign.reading import read_part
 from pneudrive.friction.strokes import Settled
@@ -40,7 +40,7 @@ def test_the_example_of_the_page_is_a_campaign(folder):
         assert np.isnan(samples.temperature_k).all()
         assert set(samples.pressure_b_pa) == {150900.0}
         assert np.mean(samples.step == np.repeat([0, 1], 2000)) > 0.99
-        friction = preliminary_friction(file, samples, campaign.identity)
+        (friction,) = preliminary_frictions([file], campaign.identity)
         assert friction == pytest.approx(18.0 + 40.0 * speed, abs=0.05)
     assert status_of(folder).planned is None
 

@@ -2,23 +2,22 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from pneudrive.campaign.storage.control import Holder, holder
-from pneudrive.campaign.storage.folder import CYCLES, Campaign, Problem, plan_of, read_samples, recording_of, steps_of
+from pneudrive.campaign.storage.folder import CYCLES, Campaign, Problem, plan_of, read_samples, recording_of
 from pneudrive.errors import CampaignError, ProtocolError, RecordingError
 from pneudrive.repr_tables import Shown
-from pneudrive.rig.interface import Hold, Identity, Samples
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
 
     from pneudrive.campaign.storage.folder import CycleFile
+    from pneudrive.rig.interface import Identity
 
 
 @dataclass(frozen=True, repr=False)
@@ -89,45 +88,26 @@ def status_of(folder: str | Path) -> Status:
     )
 
 
-#: Kinds of cycles that have a preliminary estimate.
-MEASURED = ("sweep", "sentinel", "stop")
-
-
-def preliminary_frictions(files: Sequence[CycleFile], identity: Identity) -> list[float]:
-    """Return the friction of each cycle, in N: mean of a sweep or control run, maximum after a stop, otherwise NaN.
+def preliminary_frictions(sweeps: Sequence[CycleFile], identity: Identity) -> list[float]:
+    """Return the mean friction of each sweep, in N; NaN if its samples do not suffice.
 
     Raises
     ------
     CampaignError
         If a file is damaged.
     """
-    wanted = [file for file in files if file.cycle.kind in MEASURED]
-    frictions = {}
-    for file, samples in zip(wanted, read_samples(wanted), strict=True):
-        if isinstance(samples, CampaignError):
-            raise samples
-        frictions[file.path] = preliminary_friction(file, samples, identity)
-    return [frictions.get(file.path, np.nan) for file in files]
-
-
-def preliminary_friction(file: CycleFile, samples: Samples, identity: Identity) -> float:
-    """Return the friction of a sweep, a control run or a stop, in N; NaN if the samples do not suffice."""
     from pneudrive.friction.level import extract
     from pneudrive.friction.strokes import Settled
 
-    cycle = file.cycle
-    try:
-        recording, _ = recording_of(file, identity, samples)
-        if cycle.kind == "stop":
-            # The largest force against the motion in the move after the longest hold.
-            holds = [(step.duration_s, number) for number, step in enumerate(cycle.steps) if isinstance(step, Hold)]
-            after = max(holds)[1] + 1 if holds else len(cycle.steps) - 2
-            part = np.flatnonzero(steps_of(recording, samples) == after)
-            if part.size < 2:
-                return np.nan
-            way = recording.position_m[part[-1]] - recording.position_m[part[0]]
-            return float(np.max(np.sign(way) * recording.balance_n()[part]))
-        levels = extract(recording, Settled()).levels
-    except RecordingError:
-        return np.nan
-    return min(levels, key=lambda level: abs(level.speed_m_s - (cycle.speed_m_s or 0.0))).friction_n
+    frictions = []
+    for file, samples in zip(sweeps, read_samples(sweeps), strict=True):
+        if isinstance(samples, CampaignError):
+            raise samples
+        speed = file.cycle.speed_m_s or 0.0
+        try:
+            recording, _ = recording_of(file, identity, samples)
+            levels = extract(recording, Settled()).levels
+            frictions.append(min(levels, key=lambda level: abs(level.speed_m_s - speed)).friction_n)
+        except RecordingError:
+            frictions.append(math.nan)
+    return frictions

@@ -341,11 +341,6 @@ class RigDescription:
         """Absolute pressure of the room."""
         return self.tables.ambient.pressure
 
-    @property
-    def stroke_m(self) -> float:
-        """Stroke of the cylinder."""
-        return self.tables.cylinder.stroke
-
     @cached_property
     def limits(self) -> MotionLimits:
         """Limits of the servo axis."""

@@ -21,13 +21,11 @@ from pneudrive.rig.motion import Motion, cycles, step_times
 from pneudrive.signals.recording import Recording
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator, Sequence
+    from collections.abc import Iterable, Iterator, Sequence
 
     from pneudrive.rig.interface import Sampling
 
     Gauges = float | Pair  # pressures of both chambers, or of a and b
-
-    Observer = Callable[[Machine, Past, Step, Motion, dict[str, Array]], None]
 
 
 @dataclass(frozen=True, repr=False)
@@ -139,7 +137,7 @@ class SimulatedRig:
         """
         d = self.description
         margin = d.tables.servo.margin
-        motion = cycles(margin, d.stroke_m - margin, speed_m_s, d.limits, count=count)
+        motion = cycles(margin, d.tables.cylinder.stroke - margin, speed_m_s, d.limits, count=count)
         pressures = self._absolute(gauge_pa)
         times = np.linspace(0.0, motion.duration_s, count * int(d.tables.sampling.samples_per_cycle))
         result = drag(core_rig(d, pressures), motion, times, motion.start_m)
@@ -205,7 +203,7 @@ class SimulatedRig:
         """Return the friction in N of steady sliding at mid stroke. Pressures are absolute, by default ambient."""
         d = self.description
         a, b = (0.0 if p is None else p - d.ambient_pressure_pa for p in (pressure_a_pa, pressure_b_pa))
-        friction = steady_friction_n(core_friction(d), speed_m_s, (a, b), 0.5 * d.stroke_m)
+        friction = steady_friction_n(core_friction(d), speed_m_s, (a, b), 0.5 * d.tables.cylinder.stroke)
         return friction if np.ndim(speed_m_s) else friction[0]
 
     def _absolute(self, gauge_pa: Gauges) -> Pair:
@@ -344,14 +342,12 @@ USUAL_TEMPERATURES_K = (-10.0, 15.0)
 class _Run:
     """Running motion of the axis, for threads that stop or display it.
 
-    ``before`` is the history at the start of the present step, and ``reached_s`` the time reached in it. ``seen`` holds
-    the last readings of the sensors.
+    ``present`` is the present step with the history at its start and its motion, and ``reached_s`` the time reached in
+    it. ``seen`` holds the last readings of the sensors.
     """
 
     alive: bool = True
-    before: Past | None = None
-    step: Step | None = None
-    motion: Motion | None = None
+    present: tuple[Past, Step, Motion] | None = None
     reached_s: float = 0.0
     seen: dict[str, float] | None = None
 
@@ -382,8 +378,6 @@ class RigSession:
         #: History of the rig. A step replaces it.
         self.past = self._machine.new()
         self._running: _Run | None = None
-        #: Called after each step of a cycle with machine, history before the step, step, motion and true signals.
-        self.observe: Observer | None = None
         self._lock, self._halted = RLock(), Event()
 
     # --- what it is --------------------------------------------------------------------------
@@ -399,13 +393,13 @@ class RigSession:
         highest = ambient if kind == "open" else min(
             safety.pressure or d.pressure_sensor.high, tables.supply.pressure or np.inf
         )  # fmt: skip
-        speed = servo.speed or d.limits.top_speed_m_s(d.stroke_m - 2.0 * servo.margin)
+        speed = servo.speed or d.limits.top_speed_m_s(d.tables.cylinder.stroke - 2.0 * servo.margin)
         room = tables.ambient.temperature
         least = safety.least_temperature or room + USUAL_TEMPERATURES_K[0]
         greatest = safety.greatest_temperature or room + USUAL_TEMPERATURES_K[1]
         friction = self.rig.true_friction(np.array([CREEP_M_S, speed]), highest, highest)
         return Envelope(
-            position_m=(servo.margin, d.stroke_m - servo.margin),
+            position_m=(servo.margin, d.tables.cylinder.stroke - servo.margin),
             speed_m_s=speed,
             acceleration_m_s2=d.limits.acceleration_m_s2,
             jerk_m_s3=d.limits.jerk_m_s3,
@@ -423,7 +417,7 @@ class RigSession:
         with self._lock:
             past, run, is_moving = self.past, self._running or _Run(), self._running is not None
             supply = self.rig.description.tables.supply.pressure or max(past.pressure_a_pa, past.pressure_b_pa)
-            began = run.before or past
+            began = run.present[0] if run.present is not None else past
             seen: Plain = run.seen or self._at_rest(began)
             clock = began.clock_s + run.reached_s
             return RigState(**seen, supply_pressure_pa=supply, time_s=clock, moving=is_moving)
@@ -559,8 +553,6 @@ class RigSession:
                     continue
                 times = self._times(motion.duration_s, isinstance(step, Move), sampling)
                 before, true = self._ahead(run, step, motion, times)
-                if sampling is not None and self.observe is not None:
-                    self.observe(self._machine, before, step, motion, true)
                 seen = self._instruments.read(true, before, rng, getattr(step, "weight_n", 0.0))
                 count = times.size if i == last else times.size - 1
                 for part in self._parts(times[:count], motion.duration_s):
@@ -573,7 +565,7 @@ class RigSession:
                     named = {name: seen[name][part] for name in CHANNELS if name != "time_s"}
                     index = np.full(part.stop - part.start, i, dtype=np.int64)
                     yield Samples(time_s=done_s + times[part], **named, step=index)
-                run.motion = None
+                run.present, run.reached_s = None, 0.0
                 done_s += motion.duration_s
         finally:
             with self._lock:
@@ -596,10 +588,8 @@ class RigSession:
         """
         with self._lock:
             self._alive(run)
-            run.before = before = self.past
-            run.step = step
-            run.motion = motion
-            run.reached_s = 0.0
+            before = self.past
+            run.present = before, step, motion
         after, true = self._machine.run(before, step, motion, times, lambda _: self._alive(run))
         with self._lock:
             self._alive(run)
@@ -629,8 +619,8 @@ class RigSession:
         self._halted.set()
         if self._running is run:
             self._running = None
-        if run.motion is not None and run.before is not None and run.step is not None:
-            self.past = self._machine.cut(run.before, run.step, run.motion, run.reached_s)
+        if run.present is not None:
+            self.past = self._machine.cut(*run.present, run.reached_s)
 
     def _wait(self, began: float, until_s: float) -> None:
         """Wait until `until_s` after the beginning, at the rig's pace, or until the rig is stopped."""

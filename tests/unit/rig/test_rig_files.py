@@ -35,7 +35,7 @@ def test_a_file_takes_what_it_does_not_say_from_the_one_that_it_extends(tmp_path
     assert mine.sources["cylinder.bore"].reason == "for this test"
     again = f'extends = "rig.toml"\n[cylinder]\nstroke = {{ value = "200 mm", {ASSUMED} }}\n'
     beside = read_description(written(tmp_path, again, "second.toml"))
-    assert (beside.tables.cylinder.bore, beside.stroke_m) == (0.032, 0.2)
+    assert (beside.tables.cylinder.bore, beside.tables.cylinder.stroke) == (0.032, 0.2)
 
 
 def test_another_law_takes_no_values_of_the_old_one(tmp_path):

@@ -39,7 +39,8 @@ def test_carriage_follows_the_motion():
 def test_settled_force_is_the_true_friction(speed, gauge):
     trace = RIG.drag(speed, gauge)
     c = trace.columns
-    middle = np.abs(c["position_m"] - 0.5 * D.stroke_m) < 0.2 * D.stroke_m
+    stroke_m = D.tables.cylinder.stroke
+    middle = np.abs(c["position_m"] - 0.5 * stroke_m) < 0.2 * stroke_m
     truth = float(RIG.true_friction(speed, trace.pressure_a_pa, trace.pressure_b_pa))
     out = c["sensor_force_n"][middle & (c["velocity_m_s"] > 0.0)]
     back = c["sensor_force_n"][middle & (c["velocity_m_s"] < 0.0)]

@@ -83,7 +83,8 @@ class WatchedCampaign:
     def _look(self) -> Status:
         status = status_of(self.folder)
         damaged = {problem.where for problem in status.problems}
-        files = {(file.path, file.path.stat().st_mtime_ns): file for file in status.files}
+        sweeps = (file for file in status.files if file.cycle.kind == "sweep")
+        files = {(file.path, file.path.stat().st_mtime_ns): file for file in sweeps}
         known = {key: one for key, one in self._points.items() if key in files}  # the folder may have been replaced
         sound = {
             key: file for key, file in files.items() if key not in known and f"{CYCLES}/{file.path.name}" not in damaged
@@ -133,7 +134,7 @@ def _groups(points: list[tuple[Head, float]], ambient_pa: float) -> list[Plain]:
     groups: dict[Pair, list[Plain]] = {}
     for head, friction in points[:MOST_POINTS]:
         cycle = head.cycle
-        if cycle.kind == "sweep" and cycle.speed_m_s and math.isfinite(friction):
+        if cycle.speed_m_s and math.isfinite(friction):
             point = {"x": cycle.speed_m_s, "y": friction, "spread": None}
             groups.setdefault((cycle.pressure_a_pa, cycle.pressure_b_pa), []).append(point)
     out = []
