@@ -22,7 +22,7 @@ from pneudrive.describe import Circuit, Drive
 from pneudrive.describe.all_values import values_of
 from pneudrive.describe.files import toml
 from pneudrive.describe.files.load import load_described
-from pneudrive.describe.tables.valve_flow import FLOW_KEYS
+from pneudrive.describe.tables.valve_flow import conductance_key
 from pneudrive.describe.tank import Tank
 from pneudrive.errors import CommandError, DescriptionError
 from pneudrive.estimate.estimates import whole_interval
@@ -554,12 +554,11 @@ def _values(result: Any, other: Any) -> dict[str, Compared]:  # noqa: ANN401 - a
         for described in values_of(result):
             key, value = described.key, str(described.value)
             # The nominal flow, Kv or Cv of a path is compared as its conductance, if the other description states that.
-            path, _, last = key.rpartition(".")
-            kind = next((flow for flow in FLOW_KEYS[1:] if last.endswith(flow)), last)
-            size = f"{last.removesuffix(kind)}conductance"
-            if kind != last and f"{path}.{size}" in keys:
-                number = result.circuit.components[path.removeprefix("components.")].core(0.0)["numbers"][size]
-                key, value = f"{path}.{size}", f"{1e8 * number:.4g} dm3/(s bar)"
+            size = conductance_key(key)
+            if size != key and size in keys:
+                name, _, last = size.removeprefix("components.").partition(".")
+                number = result.circuit.components[name].core(0.0)["numbers"][last]
+                key, value = size, f"{1e8 * number:.4g} dm3/(s bar)"
             values[key] = value, ends.get(key, ""), _number(value)
         return values | {f"connection {each}": ("yes", "", None) for each in getattr(result, "connections", ())}
     view = view_of(result)

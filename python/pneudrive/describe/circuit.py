@@ -21,6 +21,7 @@ from pneudrive.describe.short import Short
 from pneudrive.describe.system import DRIVE_NAMES, PISTON, DescribedSystem, System
 from pneudrive.describe.tables.parts import assumed_stops
 from pneudrive.describe.tables.starts import PRESSURE, Starts, check_platforms, start_place, start_values
+from pneudrive.describe.tables.valve_flow import without_other_sizes
 from pneudrive.errors import DescriptionError, Problems, together, warn
 from pneudrive.lazy_names import upper
 from pneudrive.repr_tables import Card
@@ -189,8 +190,7 @@ class Circuit(DescribedSystem):
             one = self.components.get(path[1]) if len(path) == 2 and path[0] == "components" else None
             if one is not None:
                 last = one.renamed.get(last, last)
-                for other in one.same_size(last):
-                    tables["components"][path[1]].pop(other, None)
+                tables["components"][path[1]] = without_other_sizes(tables["components"][path[1]], [last])
             toml.put(tables, ".".join([*path, last]), as_tables(value))
         return type(self).model_validate(tables).read_from(self.source_file)
 

@@ -39,6 +39,7 @@ from pneudrive.describe.tables.starts import (
     start_place as start_place,
     start_values as start_values,
 )
+from pneudrive.describe.tables.valve_flow import without_other_sizes as without_other_sizes
 from pneudrive.errors import (
     DescriptionError as DescriptionError,
     Problems as Problems,

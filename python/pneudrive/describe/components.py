@@ -103,10 +103,9 @@ class Component(Described):
         A flow size of the user replaces that of the part, even if it has another key, such as `kv`. Another friction
         law also replaces the parameters of the law.
         """
-        out, own = cls.flat(base), cls.flat(own)
+        own = cls.flat(own)
+        out = valve_flow.without_other_sizes(cls.flat(base), own)
         for key, given in own.items():
-            for other in cls.same_size(key):
-                out.pop(other, None)
             old = out.get(key)
             is_one = sourced.has_origin(given) or sourced.has_origin(old)
             if isinstance(given, dict) and isinstance(old, dict) and not is_one:
@@ -171,12 +170,6 @@ class Component(Described):
             if value is not None:
                 out[key] = value
         return out
-
-    @classmethod
-    def same_size(cls, key: str) -> list[str]:
-        """Return the other keys for the size of the same flow path; empty if the key is not a size."""
-        groups = (flow_keys(cls.entry, parameter["key"]) for parameter in cls.entry["parameters"])
-        return [other for keys in groups if key in keys for other in keys if other != key]
 
     def pressures(self) -> list[Pressure]:
         """Return the pressures, absolute or gauge as stated."""

@@ -17,13 +17,13 @@ from pneudrive.describe.files.provenance import Origin
 from pneudrive.describe.formulas import written
 from pneudrive.describe.formulas.law import law_of
 from pneudrive.describe.marks import Positions, Signal, absolute_above_vacuum
-from pneudrive.describe.short import TABLES, Short, without_other_sizes
+from pneudrive.describe.short import TABLES, Short
 from pneudrive.describe.system import DRIVE_NAMES, PISTON, DescribedSystem, System, short_name
 from pneudrive.describe.tables.dependences import DEPENDENCES
 from pneudrive.describe.tables.friction import Friction, friction_laws
 from pneudrive.describe.tables.parts import Cylinder, EndStop, Initial, Load, Supply, Valve, assumed_stops
 from pneudrive.describe.tables.starts import StartState, read_initial, start_state
-from pneudrive.describe.tables.valve_flow import FLOW_KEYS
+from pneudrive.describe.tables.valve_flow import NEEDLE, conductance_key, without_other_sizes
 from pneudrive.errors import Problems, invalid, wrong
 from pneudrive.repr_tables import Card
 
@@ -344,32 +344,28 @@ def merge(base: Plain, changes: Plain) -> Plain:
         old = base.get(table)
         if not isinstance(own, dict) or not isinstance(old, dict):
             continue
-        dropped: set[str] = set()
         if table == "valve":
-            old = without_other_sizes(old, own)
+            kept[table] = without_other_sizes(old, own)
         elif table == "cylinder" and own.get("kind") == "rodless":
-            dropped = {"rod_diameter"}
+            kept[table] = {key: value for key, value in old.items() if key != "rod_diameter"}
         elif table == "friction" and own.get("law", old.get("law")) != old.get("law"):
             law = law_of(own["law"])
             entry = friction_laws().get(own["law"]) if law is None else law.entry
             relaxes = entry is None or entry["bristles"]
-            dropped = set(old) - (DEPENDENCES.keys() - ({} if relaxes else {"relaxation"}))
+            stays = DEPENDENCES.keys() - ({} if relaxes else {"relaxation"})
+            kept[table] = {key: value for key, value in old.items() if key in stays}
         elif table == "flow_control":
             both = {chamber for chamber in own if isinstance(old.get(chamber), dict) and isinstance(own[chamber], dict)}
-            old = old | {chamber: without_other_sizes(old[chamber], own[chamber]) for chamber in both}
-        kept[table] = {key: value for key, value in old.items() if key not in dropped}
+            kept[table] = old | {each: without_other_sizes(old[each], own[each], NEEDLE) for each in both}
     return toml.merge(kept, changes, sourced.is_inner)
 
 
 def _untouched(values: Iterable[sourced.Value], changes: Keyed) -> dict[str, sourced.Value]:
     """Return the values of the catalogue that the user's tables do not change, by key in the drive file."""
-    touched = {one for key, _ in toml.leaves(changes) for one in toml.above(key)}
-    sizes = set(FLOW_KEYS) & set(changes.get("valve", {}))
+    touched = {conductance_key(one) for key, _ in toml.leaves(changes) for one in toml.above(key)}
     other_law = isinstance(changes.get("friction"), dict) and "law" in changes["friction"]
     return {
         value.key: value
         for value in values
-        if value.key not in touched
-        and not (sizes and value.key in {f"valve.{size}" for size in FLOW_KEYS})
-        and not (other_law and value.key.startswith("friction."))
+        if conductance_key(value.key) not in touched and not (other_law and value.key.startswith("friction."))
     }

@@ -25,7 +25,7 @@ from pneudrive.describe.marks import (
     Signal as Signal,
     absolute_above_vacuum as absolute_above_vacuum,
 )
-from pneudrive.describe.short import Short as Short, TABLES as TABLES, without_other_sizes as without_other_sizes
+from pneudrive.describe.short import Short as Short, TABLES as TABLES
 from pneudrive.describe.system import (
     DRIVE_NAMES as DRIVE_NAMES,
     DescribedSystem as DescribedSystem,
@@ -49,7 +49,11 @@ from pneudrive.describe.tables.starts import (
     read_initial as read_initial,
     start_state as start_state,
 )
-from pneudrive.describe.tables.valve_flow import FLOW_KEYS as FLOW_KEYS
+from pneudrive.describe.tables.valve_flow import (
+    NEEDLE as NEEDLE,
+    conductance_key as conductance_key,
+    without_other_sizes as without_other_sizes,
+)
 from pneudrive.errors import Problems as Problems, invalid as invalid, wrong as wrong
 from pneudrive.repr_tables import Card as Card
 from typing import Any, ClassVar

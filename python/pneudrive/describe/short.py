@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from pneudrive.describe.connections import ARROW
 from pneudrive.describe.kinds import component_kinds
-from pneudrive.describe.tables.valve_flow import FLOW_KEYS
+from pneudrive.describe.tables.valve_flow import FLOW_KEYS, NEEDLE
 from pneudrive.errors import Problems, invalid, nearest, wrong
 
 if TYPE_CHECKING:
@@ -22,8 +22,8 @@ if TYPE_CHECKING:
 TABLES = ("supply", "valve", "cylinder", "friction", "load", "tubing", "flow_control")
 #: Chamber -> port of the valve that is connected to the chamber.
 CHAMBERS = {"a": "4", "b": "2"}
-#: Prefixes of the sizes of a flow control's needle and check valve. In the short form, the needle has no prefix.
-_NEEDLE, _CHECK = "needle_", "check_"
+#: Prefix of the sizes of a flow control's check valve.
+_CHECK = "check_"
 _SAME = "assumed as large as that of the needle"
 
 
@@ -77,7 +77,7 @@ class Short:
                         raise wrong(where, f"{where} = {table!r} is not a table", remedy="Write { ... }.")
                     self._add(name, where, {"kind": kind} | renamed(table, where))
                     for size in set(FLOW_KEYS) & set(table) if key == "flow_control" else ():
-                        self.places[f"components.{name}.{_NEEDLE}{size}"] = f"{where}.{size}"
+                        self.places[f"components.{name}.{NEEDLE}{size}"] = f"{where}.{size}"
         self.chains = _chains(self.components, data)
         connections = data.get("connections", ())
         self._given = len(connections) if isinstance(connections, list | tuple) else 0  # before the default ones
@@ -117,26 +117,14 @@ def _tables(data: Keyed, problems: Problems) -> Plain:
 
 def _flow_control(table: Keyed, where: str) -> Plain:
     """Return the table of a flow control. A check valve without a size has the size of the needle."""
-    for size in (size for size in FLOW_KEYS if size in table and f"{_NEEDLE}{size}" in table):
-        raise invalid(f"{where}.{size}", "describe.size-twice", shown=where, size=size, needle=_NEEDLE)
-    out = {f"{_NEEDLE}{key}" if key in FLOW_KEYS else key: given for key, given in table.items()}
-    needle = {size: out[f"{_NEEDLE}{size}"] for size in FLOW_KEYS if f"{_NEEDLE}{size}" in out}
+    for size in (size for size in FLOW_KEYS if size in table and f"{NEEDLE}{size}" in table):
+        raise invalid(f"{where}.{size}", "describe.size-twice", shown=where, size=size, needle=NEEDLE)
+    out = {f"{NEEDLE}{key}" if key in FLOW_KEYS else key: given for key, given in table.items()}
+    needle = {size: out[f"{NEEDLE}{size}"] for size in FLOW_KEYS if f"{NEEDLE}{size}" in out}
     if not any(f"{_CHECK}{size}" in out for size in FLOW_KEYS):
         plain = {size: given for size, given in needle.items() if not isinstance(given, dict)}
         out |= {f"{_CHECK}{size}": {"value": given, "assumed": _SAME} for size, given in plain.items()}
     return out
-
-
-def without_other_sizes(old: Keyed, own: Keyed) -> Plain:
-    """Return the old keys of a valve or a flow control, except the sizes of flow paths that have a new size."""
-    given = {_path(key) for key in own} - {""}
-    return {key: value for key, value in old.items() if _path(key) not in given}
-
-
-def _path(key: str) -> str:
-    """Return the flow path (needle or check valve) to which a size belongs; empty for other keys."""
-    size = key.removeprefix(_NEEDLE).removeprefix(_CHECK)
-    return "" if size not in FLOW_KEYS else _CHECK if key.startswith(_CHECK) else _NEEDLE
 
 
 def _tube(table: Keyed, where: str) -> Plain:

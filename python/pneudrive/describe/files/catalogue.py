@@ -26,7 +26,7 @@ from pneudrive.describe.files import sourced, toml
 from pneudrive.describe.files.sourced import Value
 from pneudrive.describe.kinds import component_kinds, is_needed
 from pneudrive.describe.marks import Reads, Text
-from pneudrive.describe.tables.valve_flow import FLOW_KEYS, conductance_of
+from pneudrive.describe.tables.valve_flow import FLOW_KEYS, conductance_key, conductance_of
 from pneudrive.errors import DescriptionError, Problems, invalid, nearest, together, warn, wrong
 from pneudrive.references import entries as references
 
@@ -91,7 +91,7 @@ class Entry(Described):
         entry = component_kinds()[self.kind]
         kind = component_class(self.kind)
         given = kind.flat({value.key: value.value for value in self.values})
-        known = {key for own in given for key in (own, *kind.same_size(own))}
+        known = set(map(conductance_key, given))
         needed = [one["key"] for one in entry["parameters"] if is_needed(one, given) and one["key"] not in known]
         has_friction = any(value.key.startswith("friction.") for value in self.values)
         return needed + (

@@ -7,7 +7,7 @@ assumptions; `docs/guide/valve-flow.md` gives their accuracy.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 from pneudrive import _core, constants
 from pneudrive.arrays import Keyed, Plain
@@ -51,6 +51,29 @@ USUAL_RATIO, USUAL_RATIO_SAID = 0.3, "usual for valves: the size is given withou
 
 #: Alternative keys of a flow path's size, and the prefix of the keys of the path to the exhaust.
 FLOW_KEYS, EXHAUST = ("conductance", "nominal_flow", "kv", "cv"), "exhaust_"
+#: Prefix of the sizes of a flow control's needle. In a drive file, the needle has no prefix.
+NEEDLE = "needle_"
+
+
+def conductance_key(key: str) -> str:
+    """Return the key of the conductance for a size of the same flow path. Other keys do not change.
+
+    Examples
+    --------
+    >>> conductance_key("needle_kv"), conductance_key("conductance"), conductance_key("volume")
+    ('needle_conductance', 'conductance', 'volume')
+    """
+    size = next((size for size in FLOW_KEYS if key.endswith(size)), "")
+    return f"{key.removesuffix(size)}conductance" if size else key
+
+
+def without_other_sizes(old: Keyed, own: Iterable[str], optional: str = "") -> Plain:
+    """Return the old values, except the sizes of flow paths that have another size among the new keys `own`.
+
+    Keys with and without the prefix `optional` belong to the same flow path.
+    """
+    sized = {conductance_key(key).removeprefix(optional) for key in own}
+    return {k: v for k, v in old.items() if k in own or conductance_key(k).removeprefix(optional) not in sized}
 
 
 def size_given(sizes: Sequence[float | None], keys: Sequence[str], of: str) -> None:

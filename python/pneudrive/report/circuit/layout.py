@@ -14,7 +14,7 @@ from itertools import chain, pairwise
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from pneudrive.describe.connections import Joint, Port, Wiring, is_platform
-from pneudrive.describe.kinds import is_needed
+from pneudrive.describe.kinds import flow_keys, is_needed
 from pneudrive.errors import CommandError, package_table, wrong
 from pneudrive.report.render import FONT, applied, load_matplotlib
 
@@ -247,7 +247,7 @@ def _label(name: str, one: Component, box: Box, taken: set[str]) -> list[Shape]:
     """Return the label of a component, on a side without ports: its name and its first required values."""
     given, values = one.plain(), []
     for parameter in one.entry["parameters"]:
-        keys = [parameter["key"], *one.same_size(parameter["key"])]
+        keys = flow_keys(one.entry, parameter["key"])
         key = next((key for key in keys if key in given), None)
         if key is None or not is_needed(parameter, given):
             continue
