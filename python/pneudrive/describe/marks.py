@@ -431,12 +431,8 @@ class PureNumber(Quantity):
 
     def read(self, given: object) -> float:
         """Convert and check a number or a percentage."""
-        if isinstance(given, str) and given.endswith("%"):
-            try:
-                given = float(given.removesuffix("%")) / 100.0
-            except ValueError:
-                raise DescriptionError(f'"{given}" is not a number') from None
-        return super().read(given)
+        share = units.share_of(given)
+        return super().read(given if share is None else share)
 
     def schema(self) -> Plain:
         """Return the JSON schema of a number or a percentage."""

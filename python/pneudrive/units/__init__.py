@@ -331,15 +331,24 @@ def parse_range(text: str, si_unit: str) -> tuple[float, float]:
     return low, high
 
 
+def split_number(given: object) -> tuple[float, str]:
+    """Split a text into a finite number and the rest. For other values, return NaN and "".
+
+    Examples
+    --------
+    >>> split_number("0.9 Cv"), split_number("about 5 mm")
+    ((0.9, 'Cv'), (nan, ''))
+    """
+    match = _NUMBER.match(given) if isinstance(given, str) else None
+    if match is None or not math.isfinite(float(match[1])):
+        return math.nan, ""
+    return float(match[1]), match[2].strip()
+
+
 def share_of(given: object) -> float | None:
     """Read ``"5 %"`` as 0.05; None if the text is not a percentage."""
-    if not isinstance(given, str) or not given.rstrip().endswith("%"):
-        return None
-    try:
-        value = float(given.rstrip()[:-1])
-    except ValueError:
-        return None
-    return value / 100.0 if math.isfinite(value) else None
+    number, unit = split_number(given)
+    return number / 100.0 if unit == "%" else None
 
 
 def write_share(value: float) -> str:

@@ -92,18 +92,15 @@ def drive_schema() -> Plain:
         one = table_schema(keys | ({"model": model} if kind == "tube" else {}))
         schema["properties"][table] = table_schema({"a": one, "b": one})
     whole = {"required": required, "properties": {"drive": False}}
-    return {
-        "$schema": "https://json-schema.org/draft/2020-12/schema",
-        **schema,
-        "anyOf": [whole, {"required": ["drive"]}],
-    }
+    return schema | {"anyOf": [whole, {"required": ["drive"]}]}
 
 
 def circuit_schema() -> Plain:
     """Return the JSON schema (draft 2020-12) of a circuit file."""
     schema = Circuit.model_json_schema(by_alias=True)
-    definitions = schema.setdefault("$defs", {})
-    definitions.pop("Component", None)
+    del schema["required"]  # the components may be those of the tables of a drive file
+    definitions = schema["$defs"]
+    del definitions["Component"]
     alternatives = []
     for kind, entry in component_kinds().items():
         made = component_class(kind)
@@ -131,22 +128,17 @@ def circuit_schema() -> Plain:
     }
     for table in TABLES:
         schema["properties"][table] = {"type": "object", "description": f"Same as [{table}] of a drive file"}
-    required = [key for key in schema.pop("required", []) if key != "components"]
-    schema |= {"required": required} if required else {}
-    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}
+    return schema
 
 
 def _with_tables(component: Plain) -> Plain:
     """Extend the schema, so that keys such as ``end_stop_stiffness`` may also be in a table ``end_stop``."""
-    properties, required = dict(component["properties"]), component.get("required", [])
-    parted: dict[tuple[str, ...], str] = {}  # keys of a possible inner table -> its longest name
-    for key in component["properties"]:
-        for end, sign in enumerate(key):
-            same = tuple(other for other in component["properties"] if other.startswith(key[: end + 1]))
-            if sign == "_" and len(same) > 1:
-                parted[same] = key[:end]
-    for keys, head in parted.items():
-        inner = {key.removeprefix(f"{head}_"): properties[key] for key in keys}
-        properties[head] = table_schema(inner)
-        required = [key for key in required if key not in keys]
-    return component | {"properties": properties, "required": required}
+    properties, required = component["properties"], component.get("required", [])
+    tables: Plain = {}
+    heads = {key[:end] for key in properties for end, sign in enumerate(key) if sign == "_"}
+    for head in sorted(heads):
+        parted = [key for key in properties if key.startswith(f"{head}_")]
+        if len(parted) > 1:
+            tables[head] = table_schema({key.removeprefix(f"{head}_"): properties[key] for key in parted})
+            required = [key for key in required if key not in parted]
+    return component | {"properties": tables | properties, "required": required}

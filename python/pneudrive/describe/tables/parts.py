@@ -271,14 +271,11 @@ class FlowCoefficient(Quantity):
 
     def read(self, given: object) -> float:
         """Convert and check a flow coefficient."""
-        if isinstance(given, str) and given.split()[1:] in (["Kv"], ["Cv"], ["m3/h"]):
-            text, unit = given.split()
-            if (unit in {"Kv", "m3/h"}) != (self.written == "Kv"):
+        number, unit = units.split_number(given)
+        if unit in ("Kv", "Cv", "m3/h"):
+            if (unit == "Cv") != (self.written == "Cv"):
                 raise DescriptionError(f'"{given}" is not a {self.written}')
-            try:
-                given = float(text)
-            except ValueError:
-                raise DescriptionError(f'"{given}" is not a number') from None
+            given = number
         return super().read(given)
 
     def schema(self) -> Plain:
