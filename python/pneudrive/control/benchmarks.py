@@ -8,7 +8,6 @@ import math
 import re
 import threading
 import uuid
-from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
@@ -153,12 +152,11 @@ class ControlComparison(Viewed):
 
         None if the measure does not apply to the reference, or if all runs failed.
         """
-        runs = self.of(law, along)
-        scores = [run.score for run in runs if run.score is not None]
-        known = [float(value) for score in scores if (value := getattr(score, measure)) is not None]
-        if not known or len(known) < len(scores):
+        scores = [run.score for run in self.of(law, along)]
+        values = [math.inf if score is None else getattr(score, measure) for score in scores]
+        if None in values or not any(scores):
             return None
-        found = sorted([*known, *[math.inf] * (len(runs) - len(scores))])
+        found = sorted(map(float, values))
         place = share * (len(found) - 1)
         low, high = found[math.floor(place)], found[math.ceil(place)]
         return low if low == high else low + (place - math.floor(place)) * (high - low)
@@ -251,22 +249,19 @@ def assumptions(tunings: Mapping[str, Tuning]) -> Plain:
 
 
 def store_about(folder: Path, about: Keyed) -> None:
-    """Write the description of a comparison into a folder, and remove the scores of another comparison.
+    """Write the description of a comparison into a folder, and remove the scores of the comparison before.
 
     Raises
     ------
     CommandError
         The folder cannot be written to.
     """
-    text = json.dumps({"schema": 1, **about}, indent=1) + "\n"
     path = folder / ABOUT
     try:
-        if path.exists() and path.read_text("utf-8") == text:
-            return
         for name in (SCORES, TABLE):
             (folder / name).unlink(missing_ok=True)
-        write_whole(path, text)
-    except (OSError, UnicodeDecodeError) as error:
+        write_whole(path, json.dumps({"schema": 1, **about}, indent=1) + "\n")
+    except OSError as error:
         raise CommandError(f"{path} cannot be written", value=str(error)) from None
 
 
@@ -327,15 +322,13 @@ def _runs(folder: Path, references: Mapping[str, str]) -> tuple[ControlledRun, .
     table = pl.read_parquet(path)
     measures = [one.name for one in fields(Score)]
     true = [name for name in table.columns if name.startswith(_TRUE)]
-    out, times = [], Counter[tuple[str, str, int]]()  # two names may have equal texts: their runs come in this order
-    for row in table.iter_rows(named=True):
+    names, out = list(references), []
+    for place, row in enumerate(table.iter_rows(named=True)):
+        along = names[place * len(names) // len(table)]  # the rows of a reference follow each other
         score = None if row["reason"] else Score(**{name: row[name] for name in measures})
         truth = {name.removeprefix(_TRUE): row[name] for name in true if row[name] is not None}
         file = folder / RUNS / Path(row["run"] or "none.parquet").name
-        law, text, seed = row["law"], row["reference"], row["seed"]
-        along = [name for name, own in references.items() if own == text][times[law, text, seed]]
-        times[law, text, seed] += 1
-        out.append(ControlledRun(law, along, seed, score, row["reason"], file, truth))
+        out.append(ControlledRun(row["law"], along, row["seed"], score, row["reason"], file, truth))
     return tuple(out)
 
 
@@ -565,12 +558,12 @@ def benchmark(
     store = Store(folder, keeps=own is None, mark=mark_of(folder, tunings))
     first = next(iter(prepared.values()))
 
-    prepared_for = _by_member(prepared, own)
-    keys = "".join(key_of(prepared_for(law, along, 1), 1, store.mark) for law, along in prepared)
     about: Plain = {"drive": drive.name, "setup": name, "setup_about": read.about, "mismatch": first.mismatch}
     about |= {"spread": of_spread, "count": count, "rtol": RTOL}
-    about |= _references_about(to_follow)
-    about |= assumptions(tunings) | {"mark": store.mark, "keys": hashlib.sha256(keys.encode()).hexdigest()}
+    about |= {"references": {along: motion.text for along, motion in to_follow.items()}}
+    missed = {along: motion.points_missed_m for along, motion in to_follow.items()}
+    about |= {"points_missed_m": {along: far for along, far in missed.items() if far is not None}}
+    about |= assumptions(tunings) | {"mark": store.mark}
     inputs = [one for tuning in tunings.values() for one in inputs_of(tuning.belief)]
     about |= stored_beside({INPUTS: inputs}, folder)
     asked = {"drive": named, "laws": laws, "references": references, "setup": setup, "mismatch": mismatch}
@@ -579,7 +572,7 @@ def benchmark(
 
     # Members outermost, so that each of their circuits is compiled once.
     each = [(law, along, seed) for seed in range(1, count + 1) for along in to_follow for law in tunings]
-    runs = _run_all(folder, store, each, prepared_for, at_once, Watch(progress, cancel))
+    runs = _run_all(folder, store, each, _by_member(prepared, own), at_once, Watch(progress, cancel))
     order = [(law, along, seed) for along in to_follow for law in tunings for seed in range(1, count + 1)]
     made = replace(read_comparison(folder), runs=tuple(map(runs.__getitem__, order)))
     for table in (SCORES, TABLE):
@@ -623,13 +616,6 @@ def _at_once(threads: int | None, tunings: Mapping[str, Tuning]) -> int:
     at_once = processors() if threads is None else whole_number("threads", threads, 1, MOST_SEEDS)
     has_own = any(tuning.own is not None for tuning in tunings.values())
     return 1 if has_own else at_once
-
-
-def _references_about(to_follow: Mapping[str, Reference]) -> Plain:
-    """Return the texts of references, and the largest distance of each curve from its given points."""
-    texts = {along: motion.text for along, motion in to_follow.items()}
-    missed = {along: far for along, motion in to_follow.items() if (far := motion.points_missed_m) is not None}
-    return {"references": texts, "points_missed_m": missed} if missed else {"references": texts}
 
 
 def _run_all(
@@ -686,13 +672,11 @@ def _references(drive: DriveOrCircuit, asked: References) -> dict[str, Reference
         raise CommandError("no reference is given", remedy='Give for instance "standard".')
     if isinstance(asked, Mapping):
         return {name: reference(one) for name, one in asked.items()}
-    usual = standard(drive)
-    if asked == "standard":
-        return {name: usual[name] for name in USUAL}
+    reach, each = tune(drive).reach, [asked] if isinstance(asked, str) or not isinstance(asked, Iterable) else asked
     out: dict[str, Reference] = {}
-    for one in [asked] if isinstance(asked, str) or not isinstance(asked, Iterable) else asked:
-        read = usual[one] if isinstance(one, str) and one in usual else reference(one)
-        name = one if isinstance(one, str) and one in usual else read.text
+    for one in USUAL if asked == "standard" else each:
+        read = named_or_read(one, *reach)
+        name = str(one) if one in NAMES else read.text
         if out.setdefault(name, read) != read:
             raise CommandError(f'two references are called "{name}"', remedy='Give them names: {"first": ..., ...}.')
     return out

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
     import xarray as xr
 
-    from pneudrive.arrays import Array, Columns, Interval, NamedNumbers, Plain
+    from pneudrive.arrays import Array, Columns, NamedNumbers, Plain
     from pneudrive.platforms import LegDynamics, Platform
 
 
@@ -132,10 +132,9 @@ def check_path(platform: Platform, tunings: list[Tuning], needs: Demands) -> Nam
         A pose is nearly singular, or a leg leaves its stroke, is too fast, or needs more force than the supply gives.
         The message names time, leg and margin.
     """
-    times = needs.times_s
     row = int(np.argmin(needs.singular_values))
     if needs.singular_values[row] < LEAST_SINGULAR_VALUE:
-        smallest = {"at_s": times[row], "size": needs.singular_values[row], "least": LEAST_SINGULAR_VALUE}
+        smallest = {"at_s": needs.times_s[row], "size": needs.singular_values[row], "least": LEAST_SINGULAR_VALUE}
         raise CommandError.of("control.singular", platform=platform.name, **smallest)
     if needs.coupling > MOST_COUPLED and tunings[0].law != DECOUPLING:
         said = f"up to {100.0 * needs.coupling:.0f} % of the force of a leg of {platform.name} acts on another leg"
@@ -144,33 +143,28 @@ def check_path(platform: Platform, tunings: list[Tuning], needs: Demands) -> Nam
     for i, tuning in enumerate(tunings):
         name, stroke = platform.legs[i].name, tuning.plant.stroke_m
         x, v = needs.legs.positions_m[:, i], needs.legs.velocities_m_s[:, i]
-        _within(name, "position", "mm", 1e3 * x, (0.0, 1e3 * stroke), times, "Make the path smaller, or move it.")
         out, back = tuning.speeds_m_s
-        remedy = "Make the path slower, or take a larger valve."
-        _within(name, "velocity", "m/s", v, (-back, out), times, remedy)
         cylinder = tuning.belief.core_parts[tuning.plant.cylinder]
         viscous = float(((cylinder["friction"] or {}).get("parameters") or {}).get("viscous", 0.0))
         friction = tuning.plant.coulomb_n * np.sign(v) + viscous * v
         force, (area_a, area_b) = needs.legs.forces_n[:, i] + friction, platform.legs[i].areas_m2
         gauge = supply_of(tuning.belief.core_json())[0] - platform.ambient_pa
         low, high = -gauge * area_b, gauge * area_a
-        remedy = "Make the path slower, or take a larger cylinder or a higher pressure."
-        _within(name, "force", "N", force, (low, high), times, remedy)
+        limits = (
+            ("position", "mm", 1e3 * x, 0.0, 1e3 * stroke, "Make the path smaller, or move it."),
+            ("velocity", "m/s", v, -back, out, "Make the path slower, or take a larger valve."),
+            ("force", "N", force, low, high, "Make the path slower, or take a larger cylinder or a higher pressure."),
+        )
+        for limit in limits:
+            _check_limit(name, needs.times_s, *limit)
         most["speed"] = max(most["speed"], float(speed_shares(v, (out, back)).max()))
         most["force"] = max(most["force"], float(np.maximum(force / high, force / low).max()))
     return {"singular_value": float(needs.singular_values[row]), **most}
 
 
-def _within(
-    name: str,
-    what: str,
-    unit: str,
-    values: Array,
-    ends: Interval,
-    times: Array,
-    remedy: str,
+def _check_limit(
+    name: str, times: Array, what: str, unit: str, values: Array, low: float, high: float, remedy: str
 ) -> None:
-    low, high = ends
     margins = np.minimum(values - low, high - values)
     row = int(np.argmin(margins))
     if margins[row] < 0.0:

@@ -19,7 +19,7 @@ from pneudrive.control.scores import LOST_M, event_table, run_title
 from pneudrive.describe.files import toml
 from pneudrive.errors import DescriptionError, PneudriveError, invalid, nearest, wrong
 from pneudrive.platforms import Platform
-from pneudrive.repr_tables import Card, Shown
+from pneudrive.repr_tables import Shown
 from pneudrive.views import Finding, ShownTable, ShownValue, View, Viewed
 
 FORMS = (
@@ -120,10 +120,6 @@ class PosePath(Shown):
         """Return coordinates (m, rad) and two derivatives at times (s), with the shape (3, times, coordinates)."""
         times = np.ascontiguousarray(times_s, dtype=float)
         return np.stack([line.at(times) for line in self.lines], axis=-1)
-
-    def _card(self) -> Card:
-        rows = [(key, str(line)) for key, line in zip(self.coordinates, self.lines, strict=True)]
-        return Card(f"Path of a pose, {self.text}", rows=rows)
 
 
 def pose_path(given: PosePath | Mapping[str, str] | str | Path, platform: Platform) -> PosePath:
