@@ -27,7 +27,7 @@ from pneudrive.free.parameters import INITIAL
 from pneudrive.lazy_names import upper
 from pneudrive.progress import Flag, Progress, Watch
 from pneudrive.simulation.simulate import SOLVER, require, whole_number
-from pneudrive.simulation.start import check_tolerance, ready, start
+from pneudrive.simulation.start import check_tolerance, start
 from pneudrive.simulation.trajectory import meaning, save, write_frame, write_whole
 from pneudrive.views import View
 
@@ -232,7 +232,7 @@ class Members:
     def provenance(self) -> Plain:
         """Return the origin of the results: inputs, solver, warnings, citations and assumed values."""
         study, drive = self.study, self.study.variation.drive
-        core, _ = ready(drive, study.variation.initial)
+        core = drive.system.compiled()
         return {
             "title": drive.name,
             **study.about(),

@@ -18,7 +18,7 @@ from pneudrive import units
 from pneudrive.describe.tables.starts import start_table
 from pneudrive.errors import CommandError, naming, nearest
 from pneudrive.simulation import command as commands
-from pneudrive.simulation.simulate import positive
+from pneudrive.simulation.simulate import number_of, positive
 from pneudrive.simulation.trajectory import meaning
 
 if TYPE_CHECKING:
@@ -127,6 +127,10 @@ def member_plans(command: Any, duration: Any, commandable: Mapping[str, CommandI
         Component that takes a command -> its electrical input.
     """
     rows: dict[str, EachSteps] = {}
+    if isinstance(command, list | tuple) and command and all(isinstance(one, Mapping) for one in command):
+        if any(set(one) != set(command[0]) for one in command):
+            raise CommandError("the members have commands of different components", rule="the same ones in each member")
+        command = {name: [one[name] for one in command] for name in command[0]}
     if "" in commandable and not isinstance(command, Mapping):
         rows[""] = read_rows(command, commandable[""])
     elif isinstance(command, Mapping):
@@ -137,11 +141,6 @@ def member_plans(command: Any, duration: Any, commandable: Mapping[str, CommandI
                 raise CommandError(f"two commands are given for {own}", remedy="Keep one of them.")
             with naming(own, CommandError):
                 rows[own] = read_rows(given, commandable[own])
-    elif isinstance(command, list | tuple) and command and all(isinstance(one, Mapping) for one in command):
-        each = [dict(_member(place, commands.plans, one, commandable)) for place, one in enumerate(command)]
-        if any(set(one) != set(each[0]) for one in each):
-            raise CommandError("the members have commands of different components", rule="the same ones in each member")
-        rows = {name: [one[name] for one in each] for name in each[0]}
     elif _is_many(command) and not commands.are_named(command):
         ((own, _),) = commands.plans(0.0, commandable)
         rows[own] = read_rows(command, commandable[own])
@@ -176,7 +175,7 @@ def read_rows(given: Any, signal: CommandInput) -> EachSteps:  # noqa: ANN401
         raise CommandError("a function cannot command many members", remedy="Give pairs (time, command).")
     if not _is_many(given):
         return [commands.steps(given, None, signal)]
-    return [_member(place, commands.steps, one, None, signal) for place, one in enumerate(given)]
+    return [_member(place, one, signal) for place, one in enumerate(given)]
 
 
 def _is_many(given: Any) -> bool:  # noqa: ANN401
@@ -190,11 +189,11 @@ def _is_many(given: Any) -> bool:  # noqa: ANN401
     return not all(is_pair)  # without entries, this is one command
 
 
-def _member(place: int, read: Any, *given: Any) -> Any:  # noqa: ANN401
+def _member(place: int, given: Any, signal: CommandInput) -> Steps:  # noqa: ANN401
     with naming(f"member {place}", CommandError):
-        if callable(given[0]):
+        if callable(given):
             raise CommandError("the command must not be a function", remedy="Give pairs (time, command).")
-        return read(*given)
+        return commands.steps(given, None, signal)
 
 
 def parted_starts(given: Any) -> tuple[Any, dict[str, list[Any]]]:  # noqa: ANN401
@@ -222,6 +221,7 @@ def parted_starts(given: Any) -> tuple[Any, dict[str, list[Any]]]:  # noqa: ANN4
 
 #: Default sampling rate of the signals for a user function, Hz.
 RATE_HZ = 1000.0
+RATE = "outputs: sampling rate"  # in messages
 #: End stop force above which the piston counts as in contact, N (assumed). The penetration is far below 1 nm.
 TOUCH_N = 1e-3
 #: Default outputs: these signals at the end of the run. The stroke time is added.
@@ -324,7 +324,8 @@ class Output:
         CommandError
             A signal does not exist, or the rate is not valid.
         """
-        columns, rate_hz = tuple(known.meaning(signal)[0] for signal in self.signals), _rate(self.rate)
+        columns = tuple(known.meaning(signal)[0] for signal in self.signals)
+        rate_hz = positive(self.rate, "1/s", RATE)
         return Reduction("own", columns, self.name, self.unit, self.long_name, rate_hz=rate_hz, function=self.function)
 
 
@@ -388,7 +389,7 @@ def _plain(word: str, signals: SignalNames, signal: str) -> Reduction:
 
 def _samples(signals: SignalNames, signal: str, rate: str = "1 kHz") -> Reduction:
     column, name, unit, long_name = signals.meaning(signal)
-    return Reduction("samples", (column,), name, unit, long_name, rate_hz=_rate(rate))
+    return Reduction("samples", (column,), name, unit, long_name, rate_hz=positive(rate, "1/s", RATE))
 
 
 def _time_when(signals: SignalNames, condition: str) -> Reduction:
@@ -399,7 +400,15 @@ def _time_when(signals: SignalNames, condition: str) -> Reduction:
     column, name, unit, long_name = signals.meaning(signal)
     side = "above" if sign == ">" else "below"
     about = f"first time at which {long_name.partition(',')[0]} {sign} {text}"
-    level = _quantity(text, unit, "pressure" in name)
+    if "pressure" in name:
+        with naming("outputs"):
+            pressure = units.parse_pressure(text)
+        if pressure.gauge:
+            what = f'outputs: "{text}" is a gauge pressure'
+            raise CommandError(what, rule="an absolute pressure", remedy="Write abs.")
+        level = pressure.value_pa
+    else:
+        level = number_of(text, unit, "outputs: level")
     return Reduction("time_when", (column,), f"time_{name}_{side}", "s", about, level, above=sign == ">")
 
 
@@ -414,14 +423,15 @@ def _stroke_time(signals: SignalNames) -> Reduction:
 
 def _settling(signals: SignalNames, signal: str, band: str, rate: str = "1 kHz") -> Reduction:
     column, name, unit, long_name = signals.meaning(signal)
-    half = _quantity(band, unit, False)
+    half = number_of(band, unit, "outputs: band")
     if unit == "K":
         half -= units.parse(f"0 {band.strip().partition(' ')[2]}", unit)  # a band is a difference: 5 degC are 5 K
     if not half > 0.0:
         raise CommandError(f"outputs: settling({signal}, {band}) has no valid band", rule="a half width greater than 0")
     about = f"time after which it stays within {band} of its final value: {long_name}"
     function = partial(_settled, half)
-    return Reduction("own", (column,), f"settling_time_{name}", "s", about, half, _rate(rate), function=function)
+    rate_hz = positive(rate, "1/s", RATE)
+    return Reduction("own", (column,), f"settling_time_{name}", "s", about, half, rate_hz, function=function)
 
 
 def _settled(half: float, signals: Columns, times: Array) -> Array:
@@ -505,27 +515,3 @@ def reductions(asked: Sequence[str | Output] | None, signals: SignalNames) -> tu
     if len({one.rate_hz for one in made if one.word == "samples"}) > 1:
         raise CommandError("outputs: samples have several rates", rule="all samples(...) need the same rate")
     return made
-
-
-def _quantity(given: str | float, unit: str, is_pressure: bool) -> float:
-    try:
-        if not isinstance(given, str) or unit in ("", "1"):
-            return float(given)
-        with naming("outputs"):
-            if not is_pressure:
-                return units.parse(given, unit)
-            pressure = units.parse_pressure(given)
-        if pressure.gauge:
-            raise CommandError(
-                f'outputs: "{given}" is a gauge pressure', rule="an absolute pressure", remedy="Write abs."
-            )
-        return pressure.value_pa
-    except ValueError:
-        raise CommandError(f'outputs: "{given}" is not a number') from None
-
-
-def _rate(given: str | float) -> float:
-    rate = _quantity(given, "1/s", False)
-    if not 0.0 < rate < math.inf:
-        raise CommandError(f"outputs: {given} is not a sampling rate", rule="finite and greater than 0")
-    return rate

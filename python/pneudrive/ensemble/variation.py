@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from contextlib import contextmanager
 from functools import cached_property, lru_cache
 from itertools import product
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
@@ -15,11 +14,12 @@ from pneudrive.arrays import Array, Columns, Plain, by_name
 from pneudrive.describe.marks import StatedPressure
 from pneudrive.describe.tables.parts import Initial
 from pneudrive.describe.tables.starts import read_initial, start_state, start_table, start_values
-from pneudrive.errors import CommandError, DescriptionError, PneudriveError, SimulationError, nearest
+from pneudrive.errors import CommandError, DescriptionError, SimulationError, naming, nearest
 from pneudrive.free import parameters as free
+from pneudrive.simulation.simulate import number_of
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
+    from collections.abc import Callable, Sequence
 
     from numpy.typing import NDArray
 
@@ -237,7 +237,7 @@ class QuantityReader:
     """Reader of the values of one parameter: quantities as users write them, or numbers in SI."""
 
     def __init__(self, number: Parameter, gauge_from: float | None) -> None:
-        self.number, self._gauge_from = number, gauge_from
+        self.number, self._gauge_from, self.name = number, gauge_from, f"vary: {number.name}"
 
     def value(self, given: object) -> float:
         """Read a value and return it in SI. A gauge pressure becomes an absolute pressure.
@@ -247,20 +247,16 @@ class QuantityReader:
         CommandError
             The value cannot be read.
         """
-        with _named(self.number.name):
-            if isinstance(given, units.UnitFloat):
-                return given.si_as(self.number.unit)
-            if not isinstance(given, str):
-                return float(given)  # type: ignore[arg-type]
-            if isinstance(self.number.mark, StatedPressure):
-                pressure = units.parse_pressure(given)
-                if pressure.gauge and self._gauge_from is None:
-                    what = f'"{pressure}" is relative to the ambient pressure, which varies'
-                    raise CommandError(what, remedy="Write an absolute pressure, with abs.")
-                return pressure.absolute_pa(self._gauge_from or 0.0)
-            if self.number.unit in ("1", ""):
-                return float(given)
-            return units.parse(given, self.number.unit)
+        with naming(self.name):
+            if isinstance(given, float):  # the check of a row names the row of a number that is not finite
+                return given.si_as(self.number.unit) if isinstance(given, units.UnitFloat) else given
+            if not isinstance(given, str) or not isinstance(self.number.mark, StatedPressure):
+                return number_of(given, self.number.unit, self.name)  # type: ignore[arg-type]
+            pressure = units.parse_pressure(given)
+        if pressure.gauge and self._gauge_from is None:
+            what = f'{self.name}: "{pressure}" is relative to the ambient pressure, which varies'
+            raise CommandError(what, remedy="Write an absolute pressure, with abs.")
+        return pressure.absolute_pa(self._gauge_from or 0.0)
 
     def width(self, given: object, about: float) -> float:
         """Read a difference, such as a standard deviation, and return it in SI. ``"10 %"`` is a fraction of `about`.
@@ -275,21 +271,10 @@ class QuantityReader:
             return share * abs(about)
         if not isinstance(given, str) or self.number.unit in ("1", ""):
             return self.value(given)
-        with _named(self.number.name):
+        with naming(self.name):
             number, _ = units.split_mark(given)
             unit = number.strip().partition(" ")[2]
             return units.parse(number, self.number.unit) - units.parse(f"0 {unit}", self.number.unit)
-
-
-@contextmanager
-def _named(name: str) -> Iterator[None]:
-    """Add the name of the parameter to the message if its quantity cannot be read."""
-    try:
-        yield
-    except PneudriveError as error:
-        raise CommandError(f"vary: {name}: {error.what}", rule=error.rule, remedy=error.remedy) from None
-    except (TypeError, ValueError) as error:
-        raise CommandError(f"vary: {name}: {error}", remedy="Give a quantity, or a number in SI.") from None
 
 
 # --- Simulation of members in the core. Only this module calls the core for ensembles.

@@ -325,7 +325,7 @@ def positive(given: str | float, si_unit: str, what: str) -> float:
 
 
 def number_of(given: str | float, si_unit: str, what: str) -> float:
-    """Read a quantity and return it in SI.
+    """Read a quantity and return it in SI. A number without a unit may be a text.
 
     Raises
     ------
@@ -334,7 +334,7 @@ def number_of(given: str | float, si_unit: str, what: str) -> float:
     """
     try:
         with naming(what):
-            value = units.parse(given, si_unit) if isinstance(given, str) else float(given)
+            value = units.parse(given, si_unit) if isinstance(given, str) and si_unit not in ("", "1") else float(given)
     except (TypeError, ValueError):
         rule = f"a text with a unit, or a number in {si_unit}"
         raise CommandError(f"{what} = {given} has the type {type(given).__name__}", rule=rule) from None

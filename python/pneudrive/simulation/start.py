@@ -9,8 +9,6 @@ from pneudrive.errors import CommandError
 from pneudrive.simulation.session import Session
 
 if TYPE_CHECKING:
-    from pneudrive._core import Circuit as CoreCircuit
-    from pneudrive.arrays import NamedNumbers
     from pneudrive.describe import Circuit, Drive
 
 #: What a simulation takes.
@@ -21,19 +19,7 @@ RTOL_BOUNDS = (1e-13, 1e-1)
 def start(described: DriveOrCircuit, initial: StartState = None, rtol: float = 1e-6) -> Session:
     """Start a session of a drive or a circuit; see `Drive.start` and `Circuit.start`."""
     check_tolerance(rtol)
-    core, state = ready(described, initial)
-    return Session(core.start(state, rtol))
-
-
-def ready(described: DriveOrCircuit, initial: StartState) -> tuple[CoreCircuit, NamedNumbers]:
-    """Return the core's circuit of a drive or a circuit, and the start state in SI.
-
-    Raises
-    ------
-    CommandError, DescriptionError
-        The start state is not valid, or does not fit the drive.
-    """
-    return described.system.compiled(), described.core_initial(initial)
+    return Session(described.system.compiled().start(described.core_initial(initial), rtol))
 
 
 def check_tolerance(rtol: float) -> None:
