@@ -14,7 +14,7 @@ For a row of a campaign (one cycle):
                     type A   state of the campaign, and block or day
 
 The parts of gain, hysteresis and zero of a cycle come from the same `systematic_budget` (`stated_shares`). With zero
-runs and known weights, some of these parts are measured instead (``campaign/cycles.py``).
+runs and known weights, some of these parts are measured instead (``campaign/reading.py``).
 """
 
 from __future__ import annotations

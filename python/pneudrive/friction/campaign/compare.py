@@ -26,8 +26,8 @@ from pneudrive.errors import package_table
 from pneudrive.estimate.autocorrelation import cells, centred_walk, levels
 from pneudrive.estimate.estimates import CHANCE, Estimate, FTest, one_thread
 from pneudrive.estimate.mixed import MixedModel, RandomEffect, independent
-from pneudrive.friction.campaign.cycles import stated_gain
 from pneudrive.friction.campaign.points import MOST_CELLS, MOST_CYCLES, grouped, shares_of
+from pneudrive.friction.campaign.reading import stated_gain
 from pneudrive.friction.campaign.result import CampaignCharacteristics, write_tables
 from pneudrive.friction.friction_map import LEVELS, PA_PER_BAR
 from pneudrive.friction.sentences import Statement, say

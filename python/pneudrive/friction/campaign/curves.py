@@ -20,8 +20,8 @@ from pneudrive.estimate.mixed import MixedModel, Predicted, RandomEffect
 from pneudrive.friction.bins import known_mean
 from pneudrive.friction.budget import SharedTerms, unseen_n
 from pneudrive.friction.campaign import result, smooth
-from pneudrive.friction.campaign.cycles import GROWING, OF_SIDES, WAYS, CycleTable, Gain
 from pneudrive.friction.campaign.points import NAMES, OUTLIER, SAME_SPEED, STICK_SLIP, CurvePoints, shares_of
+from pneudrive.friction.campaign.reading import GROWING, OF_SIDES, WAYS, CampaignData, CycleTable, Gain
 from pneudrive.friction.friction_map import (
     AMBIENT,
     BOTH,
@@ -40,7 +40,6 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from pneudrive.arrays import Array, Ints
-    from pneudrive.friction.campaign.reading import CampaignData
     from pneudrive.signals.force_calibration import ForceCalibration
 
 

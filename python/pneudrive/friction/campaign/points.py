@@ -15,7 +15,7 @@ import numpy as np
 from pneudrive.estimate.autocorrelation import cells, levels, means, moderate, stderrs_of_means
 from pneudrive.friction.bins import known_mean, pair_stderr
 from pneudrive.friction.budget import chance_n
-from pneudrive.friction.campaign.cycles import CycleTable
+from pneudrive.friction.campaign.reading import CampaignData, CycleTable
 from pneudrive.friction.friction_map import PA_PER_BAR, Condition
 from pneudrive.friction.level import BELOW_AMBIENT
 from pneudrive.friction.sentences import Statement, named, say
@@ -27,7 +27,6 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from pneudrive.arrays import Array, Bools, Columns, Ints, Row
-    from pneudrive.friction.campaign.reading import CampaignData
 
 
 SWING_SHARE = 0.05  # of the friction: smaller swings are roughness or noise
