@@ -365,7 +365,6 @@ _GROUPED = re.compile(r"[-+]?[1-9]\d{0,2}(?:([.,'’\s\u00a0\u202f])\d{3})+(?:[.
 #: Pattern of column names separated by white space, each optionally followed by a unit in brackets.
 _LOOSE = re.compile(r"[^\s\[(]+\s*(?:[\[(][^\])]{0,40}[\])])?")
 _CELL = re.compile(r"[-+]?\d[\d.,]*+ ([^\W\d_][\w/()]*)")  # a number and its unit
-_BARE = re.compile(r"[-+]?\d{1,3}$")
 
 
 @dataclass(frozen=True)
@@ -374,8 +373,8 @@ class FileForm:
 
     ``dates`` holds the columns of dates and times, by number, with their formats. ``words`` holds columns of texts,
     with the number of different texts in the first rows.
-    ``steps_s``, ``starts_s`` and ``source`` are those of `read_preamble`. ``other_lengths`` has the lengths, by name,
-    of channels that do not fit into the table.
+    ``steps_s``, ``starts_differ`` and ``source`` are those of `read_preamble`. ``other_lengths`` has the lengths, by
+    name, of channels that do not fit into the table.
     """
 
     format: str
@@ -386,7 +385,7 @@ class FileForm:
     dates: dict[int, str] = field(default_factory=dict)
     words: dict[int, int] = field(default_factory=dict)
     steps_s: tuple[float, ...] = ()
-    starts_s: dict[int, float] = field(default_factory=dict)
+    starts_differ: bool = False
     source: str = ""
     other_lengths: dict[str, int] = field(default_factory=dict)
 
@@ -439,7 +438,8 @@ def sniff_text(path: Path, data: bytes) -> FileForm:
             worth = max(one.worth for one in fit)
             # Among equals the earlier candidate wins: it has fewer separators.
             fit = [one for one in fit if one.worth > worth - 1e-9]
-            return _with_header(lines, _told(fit, sample, path))
+            _refuse_ambiguous(fit, sample, path)
+            return _with_header(lines, fit[0])
     cells = [found for line in sample[:FEW_LINES] for found in _CELL.finditer(line)]
     if unit := next((found for found in cells if (named := header_unit(found[1])) and named.si), None):
         raise RecordingError.of("signals.units-in-cells", where=str(path), value=unit[0])
@@ -498,33 +498,27 @@ def _is_of_words(texts: list[str], form: TextForm) -> bool:
     return bool(there) and all(_WORD.match(text) and not is_number(text, form) for text in there)
 
 
-def _told(fit: list[_Reading], sample: Lines, path: Path) -> _Reading:
-    """Return the valid interpretation of numbers such as 10,307, which can mean 10.307 or 10307.
+def _refuse_ambiguous(fit: list[_Reading], sample: Lines, path: Path) -> None:
+    """Reject a file with numbers such as 10,307 that may mean 10.307 or 10307.
 
     Raises
     ------
     RecordingError
         Nothing in the file shows whether a comma means decimals or thousands.
     """
-    best = fit[0]
     decimals = [one for one in fit if one.form.decimal == "," and one.form.thousands is None]
     thousands = [one for one in fit if one.form.thousands == "," and one.form.decimal == "."]
-    if not decimals or not thousands or thousands[0].form.delimiter != decimals[0].form.delimiter:
-        return best
-    rows = [split_row(line, best.form.delimiter) for line in sample]
-    whole = [row for row in rows if len(row) == best.width]
-    marked = [[*filter(None, texts)] for texts in zip(*whole, strict=True) if any("," in text for text in texts)]
-    # Small whole numbers next to groups of three: a sign of thousands. Decimals are written in every row.
-    if any(any(_BARE.match(text) for text in texts) for texts in marked):
-        return thousands[0]
-    raise RecordingError.of("signals.decimals-or-thousands", where=str(path), number=marked[0][0])
+    if decimals and thousands and thousands[0].form.delimiter == decimals[0].form.delimiter:
+        fields = (text for line in sample for text in split_row(line, fit[0].form.delimiter))
+        number = next(text for text in fields if (found := _GROUPED.match(text)) and found[1] == ",")
+        raise RecordingError.of("signals.decimals-or-thousands", where=str(path), number=number)
 
 
 def _with_header(lines: Lines, reading: _Reading) -> FileForm:
     """Find the first row of numbers and the header above it."""
     form, width = replace(reading.form, header=True), reading.width
     first = _first_of_numbers(lines, reading)
-    stated, steps_s, starts_s, source = read_preamble(lines[:first], form, width)
+    stated, *steps = read_preamble(lines[:first], form, width)
     # The rows next to the numbers are names, units and descriptions. The row of names has names of most roles; among
     # equal rows it is the one above the units. Names for fewer than half of the columns are a preamble.
     rows = list(_rows_above(lines[:first], form, width))
@@ -542,9 +536,7 @@ def _with_header(lines: Lines, reading: _Reading) -> FileForm:
             dates[column] = written
     some = [row for line in lines[first:][:SAMPLED_LINES] if len(row := split_row(line, form.delimiter)) == width]
     words = {at: len({row[at] for row in some}) for at in reading.words}
-    return FileForm(
-        "csv", form, names, (units if named else []) or stated, width, dates, words, steps_s, starts_s, source
-    )
+    return FileForm("csv", form, names, (units if named else []) or stated, width, dates, words, *steps)
 
 
 def _first_of_numbers(lines: Lines, reading: _Reading) -> int:
@@ -599,56 +591,40 @@ def _are_units(fields: Fields) -> bool:
     return any(unit.si for unit in known) and 2 * len(known) > len(filled)
 
 
-def read_preamble(lines: Lines, form: TextForm, width: int) -> tuple[Fields, tuple[float, ...], dict[int, float], str]:
+def read_preamble(lines: Lines, form: TextForm, width: int) -> tuple[Fields, tuple[float, ...], bool, str]:
     """Read the lines above a table. The last line of each kind is used.
 
     Returns
     -------
-    list, tuple, dict, str
-        Units of the columns; time steps of the samples in s (one for all channels, or one for each); first times in s
-        by column; and the line that states the steps.
+    list, tuple, bool, str
+        Units of the columns; time steps of the samples in s (one for all channels, or one for each); whether the
+        channels start at different times; and the line that states the steps.
     """
     steps: tuple[float, ...] = ()
     source = ""
-    starts: dict[int, float] = {}
-    clocks: dict[int, float] = {}
+    starts_differ = False
     units: Fields = []
     for line in lines:
         label, *cells = split_row(line, form.delimiter)[:width] or [""]
         word = label.strip(" #%:").lower()
-        numbers = _numbers(cells, form)
-        if word == "delta_x" and numbers and min(numbers.values()) > 0:
-            steps, source = tuple(numbers.values()), line.strip()
-        elif word == "x0" and numbers:
-            starts = numbers
-        elif word == "time" and cells:
-            clocks = _clocks(cells)
+        filled = [cell for cell in cells if cell]
+        numbers = _numbers(filled, form)
+        if word == "delta_x" and numbers and min(numbers) > 0:
+            steps, source = tuple(numbers), line.strip()
+        elif (word == "x0" and numbers) or (word == "time" and all(map(looks_like_date_time, filled))):
+            starts_differ |= len(set(filled)) > 1
         elif word == "y_unit_label" and any(header_unit(cell) for cell in cells):
             units = ["", *cells]
         elif match := RATE.search(line) or STEP.search(line):
             unit = SAMPLES.get(match.group(2).lower(), 1e-6)
             value = float(match.group(1).replace(",", ".")) * unit
             steps, source = (value if match.re is STEP else 1.0 / (value or 1.0),), line.strip()
-    if set(clocks) == set(starts):
-        starts = {at: starts[at] + clocks[at] for at in starts}
-    first = min(starts.values(), default=0.0)
-    starts = {at: start - first for at, start in starts.items()}
-    return units, steps, starts if any(starts.values()) else {}, source
+    return units, steps, starts_differ, source
 
 
-def _numbers(cells: Fields, form: TextForm) -> dict[int, float]:
-    """Return the numbers of a labelled line by column; empty if a cell is a text."""
+def _numbers(cells: Fields, form: TextForm) -> list[float]:
+    """Return the numbers of a labelled line; empty if a cell is a text."""
     try:
-        return {at: float(cell.replace(form.decimal, ".")) for at, cell in enumerate(cells, 1) if cell}
+        return [float(cell.replace(form.decimal, ".")) for cell in cells]
     except ValueError:
-        return {}
-
-
-def _clocks(cells: Fields) -> dict[int, float]:
-    """Return the times of day of a labelled line, by column."""
-    texts = {at: cell.replace(",", ".") for at, cell in enumerate(cells, 1) if cell}
-    are_clocks = bool(texts) and all(map(looks_like_date_time, texts.values()))
-    written = guess_form(list(texts.values())) if are_clocks else None
-    if written is None:
-        return {}
-    return dict(zip(texts, seconds(list(texts.values()), written, Path()).tolist(), strict=True))
+        return []
