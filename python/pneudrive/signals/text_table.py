@@ -518,7 +518,7 @@ def _with_header(lines: Lines, reading: _Reading) -> FileForm:
     """Find the first row of numbers and the header above it."""
     form, width = replace(reading.form, header=True), reading.width
     first = _first_of_numbers(lines, reading)
-    stated, *steps = read_preamble(lines[:first], form, width)
+    stated, steps_s, starts_differ, source = read_preamble(lines[:first], form, width)
     # The rows next to the numbers are names, units and descriptions. The row of names has names of most roles; among
     # equal rows it is the one above the units. Names for fewer than half of the columns are a preamble.
     rows = list(_rows_above(lines[:first], form, width))
@@ -536,7 +536,8 @@ def _with_header(lines: Lines, reading: _Reading) -> FileForm:
             dates[column] = written
     some = [row for line in lines[first:][:SAMPLED_LINES] if len(row := split_row(line, form.delimiter)) == width]
     words = {at: len({row[at] for row in some}) for at in reading.words}
-    return FileForm("csv", form, names, (units if named else []) or stated, width, dates, words, *steps)
+    units = (units if named else []) or stated
+    return FileForm("csv", form, names, units, width, dates, words, steps_s, starts_differ, source)
 
 
 def _first_of_numbers(lines: Lines, reading: _Reading) -> int:
