@@ -45,9 +45,10 @@ def options_of(entry: Keyed) -> dict[str, bool]:
     return own | {"evolution": entry["evolves"], "relaxation": entry["bristles"]}
 
 
-def laws_with(option: str) -> list[str]:
-    """Return the names of the core's laws that have an option."""
-    return [name for name, entry in friction_laws().items() if options_of(entry)[option]]
+def laws_with(key: str) -> list[str]:
+    """Return the names of the core's laws that have a parameter or an option with this key."""
+    takes = {name: {p["key"] for p in law["parameters"]} for name, law in friction_laws().items()}
+    return [name for name, law in friction_laws().items() if key in takes[name] or options_of(law).get(key)]
 
 
 #: Shapes of the Stribeck curve: exp(-(v/vs)^2), exp(-|v/vs|), 1/(1 + (v/vs)^2), exp(-|v/vs|^n) with the exponent n.
@@ -163,12 +164,11 @@ def by_default(data: Plain) -> tuple[Plain, Plain]:
     quantities = parameter_quantities(friction_laws()[DEFAULT_LAW])
     law: Plain = {"law": DEFAULT_LAW}
     out = law | data
-    if any(data.get(key) is None for key in ("coulomb", "breakaway")):
-        return out, law  # missing keys are reported as for any law
+    stated = filter(data.__contains__, _FOLLOWS)
     try:
-        known = {key: quantities[key].read(data[key]) for key in ("coulomb", "breakaway", *_FOLLOWS) if key in data}
-    except DescriptionError:
-        return out, law  # so are wrong values
+        known = {key: quantities[key].read(data[key]) for key in ("coulomb", "breakaway", *stated)}
+    except (KeyError, DescriptionError):  # missing keys and wrong values are reported as for any law
+        return out, law
     assumed = {"stribeck_velocity": _STRIBECK_VELOCITY_M_S, "viscous": 0.0} | _following(known)
     rounded = {key: _as_assumed(value) for key, value in assumed.items() if key not in data}
     shown = {key: quantities[key].show(value) for key, value in rounded.items()}
@@ -216,7 +216,8 @@ class Friction(Described):
         if not isinstance(data, dict):
             return handler(data)
         laws, assumed = friction_laws(), Plain()
-        if data.get("law") is None:
+        data = {key: value for key, value in data.items() if value is not None}
+        if "law" not in data:
             data, assumed = by_default(data)
         name, own = data["law"], None
         if isinstance(name, str) and name in laws:
@@ -227,17 +228,18 @@ class Friction(Described):
             remedy = f'{nearest(str(name), laws)} For a custom law, write "{FILE_PREFIX}NAME.toml".'
             raise wrong("friction.law", f'friction.law = "{name}" is not known', remedy=remedy)
         parameters = {p["key"]: p for p in entry["parameters"]}
-        rest = {key: value for key, value in data.items() if key not in ("law", *CHOICES, *DEPENDENCES)}
+        takes = options_of(entry)
+        options = [key for key in (*CHOICES, *DEPENDENCES) if takes.get(key, True)]
         values: NamedNumbers = {}
-        for key, given in rest.items():
+        for key in (key for key in data if key not in ("law", *options)):
             full = f"friction.{key}"
             if key not in parameters:
-                takes = options_of(entry)
-                known = ["law", *parameters, *(one for one in (*CHOICES, *DEPENDENCES) if takes.get(one, True))]
-                owners = [law for law, about in laws.items() if key in {p["key"] for p in about["parameters"]}]
-                remedy = f"Laws with this key: {', '.join(owners)}." if owners else nearest(key, known)
+                owners = laws_with(key)
+                known = f"Laws with this key: {', '.join(owners)}."
+                remedy = known if owners else nearest(key, ["law", *parameters, *options])
                 raise wrong(full, f'{full} is not a known key of law "{name}"', remedy=remedy)
-            values[key] = parameter_quantity(parameters[key]).read_at(full, given)
+            values[key] = parameter_quantity(parameters[key]).read_at(full, data[key])
+        given = frozenset(values)
         for key, parameter in parameters.items():
             default = parameter["default"]
             if key in values or (default is not None and math.isinf(default)):
@@ -245,20 +247,12 @@ class Friction(Described):
             if default is None:
                 si_unit = parameter_quantity(parameter).si_unit
                 needed = units.needed(si_unit) if si_unit else "a number"
-                remedy = (
-                    f"{parameter['meaning']}: {needed}."
-                    if parameter["meaning"]
-                    else f"{needed[0].upper()}{needed[1:]}."
-                )
+                remedy = ": ".join(filter(None, (parameter["meaning"], needed)))
+                remedy = f"{remedy[0].upper()}{remedy[1:]}."
                 raise wrong(f"friction.{key}", f'friction.{key} is missing; law "{name}" needs it', remedy=remedy)
             values[key] = default
-        out = {
-            "law": name,
-            "formula": own,
-            "values": tuple(values.items()),
-            "given": frozenset(rest),
-        }
-        friction = handler(out | {key: data[key] for key in (*CHOICES, *DEPENDENCES) if data.get(key) is not None})
+        out = {"law": name, "formula": own, "values": tuple(values.items()), "given": given}
+        friction = handler(out | {key: data[key] for key in options if key in data})
         if assumed:
             vars(friction)["assumed"] = tuple((key, str(value)) for key, value in assumed.items())
         return friction
@@ -280,30 +274,19 @@ class Friction(Described):
         if coulomb is not None and breakaway is not None and breakaway < coulomb:
             lower, upper = units.write(breakaway, "N", "N"), units.write(coulomb, "N", "N")
             raise invalid("friction.breakaway", "describe.breakaway-below-coulomb", lower=lower, upper=upper)
-        takes = options_of(self.entry)
-        if self.stribeck_shape is not None and not takes["stribeck_shape"]:
-            laws = ", ".join(laws_with("stribeck_shape"))
-            raise invalid("friction.stribeck_shape", "describe.no-stribeck-curve", law=self.law, laws=laws)
         if self.stribeck_shape not in (None, "free") and "stribeck_exponent" in self.given:
             raise invalid("friction.stribeck_exponent", "describe.idle-exponent", shape=self.stribeck_shape)
         key, stiffness = "friction.elements", "friction.bristle_stiffness"
         total = sum(element.share for element in self.elements)
         if not self.elements:
-            if takes["elements"] and "bristle_stiffness" not in self.parameters:
+            if self.entry["elements"] and "bristle_stiffness" not in self.parameters:
                 raise invalid(stiffness, "describe.no-stiffness", law=self.law, needed=units.needed("N/m"))
-        elif not takes["elements"]:
-            raise wrong(key, f'{key} belongs to law "gms"; law "{self.law}" has no elements')
         elif "bristle_stiffness" in self.given:
             raise wrong(stiffness, f"{stiffness} already follows from {key}", remedy="Keep one of the two.")
         elif not 2 <= len(self.elements) <= MOST_ELEMENTS:
             raise wrong(key, f"{key} has {len(self.elements)} entries", rule=f"2 to {MOST_ELEMENTS}")
         elif abs(total - 1.0) > SHARES_WITHIN:
             raise wrong(key, f"the shares in {key} add up to {total:g}", rule="the sum of the shares must be 1")
-        if self.evolution is not None and not takes["evolution"]:
-            raise invalid("friction.evolution", "describe.no-evolution", law=self.law)
-        if self.relaxation is not None and not takes["relaxation"]:
-            laws = ", ".join(laws_with("relaxation"))
-            raise invalid("friction.relaxation", "describe.no-bristles", law=self.law, laws=laws)
         return self
 
     def __getattr__(self, name: str) -> units.UnitFloat | float:
