@@ -75,10 +75,6 @@ class Component(Described):
     def flat(cls, table: Keyed) -> Plain:
         """Convert ``end_stop = { stiffness = ... }`` to ``end_stop_stiffness = ...``. Values retain their origins."""
         out: Plain = {}
-        keys: list[str] = []
-        for old, key in cls.renamed.items():
-            if old in table and key in table:
-                raise wrong(old, f"{old} and {key} are two names of the same number", remedy=f"Keep {key}.")
         for written, given in table.items():
             key = cls.renamed.get(written, written)
             origin = given if sourced.has_origin(given) else None
@@ -89,11 +85,10 @@ class Component(Described):
                 found = {f"{key}_{sub}": one for sub, one in each.items()}
             else:
                 found = {key: given}
-            keys += found
+            for twice in found.keys() & out.keys():
+                rule = "each number once: as a key, in an inner table, or under its older name"
+                raise wrong(twice, f"{twice} is given twice", rule=rule, remedy="Keep one of them.")
             out |= found
-        twice = next((key for key in out if keys.count(key) > 1), None)
-        if twice:
-            raise wrong(twice, f"{twice} is given twice: as a key and in a table", remedy="Keep one of them.")
         return out if out.keys() == table.keys() else cls.flat(out)  # cushion = { b = { length = ... } }
 
     @classmethod
@@ -121,17 +116,15 @@ class Component(Described):
         numbers = {k: getattr(self, field) for k, field in self.fields.items() if field in self.model_fields_set}
         beside = self._choices() | self._points()
         for parameter in self.entry["parameters"]:
-            keys = flow_keys(self.entry, parameter["key"])
+            key, table = parameter["key"], parameter["within"]
+            keys = flow_keys(self.entry, key)
             given = [numbers.get(key) for key in keys]
             needed, is_given = is_needed(parameter, numbers | beside), any(one is not None for one in given)
             if len(keys) > 1 and (needed or is_given):
                 valve_flow.size_given(given, keys, "")
             elif needed and not is_given:
-                key = parameter["key"]
                 raise wrong(key, f"{key} is missing", rule=f"{key} is {_unless(parameter)}")
-        for parameter in self.entry["parameters"]:
-            key, table = parameter["key"], parameter["within"]
-            if table and is_bare(parameter) and self._has(parameter) and getattr(self, self.fields[key]) is None:
+            elif table and is_bare(parameter) and self._has(parameter) and not is_given:
                 raise wrong(key, f"{key} is missing", rule=f"give all keys of {table}, or none")
         return self
 
