@@ -18,7 +18,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from pneudrive.control.loop import RTOL, Prepared, prepare, run_prepared
 from pneudrive.control.mismatch import Mismatch, MismatchOrFile, mismatched, read_mismatch
-from pneudrive.control.own_law import is_own
 from pneudrive.control.references import NAMES, USUAL, ReferenceOrFile, named_or_read, reference
 from pneudrive.control.scores import SHOWN, SPREAD_SHOWN, Score, written
 from pneudrive.control.setup import Setup, SetupOrFile, read_setup
@@ -652,12 +651,8 @@ def _tunings(drive: DriveOrCircuit, asked: object, options: Plain) -> dict[str, 
     out: dict[str, Tuning] = {}
     for one in each:
         is_file = isinstance(one, str | Path) and str(one).endswith(".toml")
-        if isinstance(one, Tuning):
-            tuning = one
-        elif is_file:
-            tuning = tune(drive, controller=str(one), **options)
-        else:
-            tuning = tune(drive, one if is_own(one) else str(one), **options)
+        source = {"controller": one} if is_file else {"law": one}
+        tuning = one if isinstance(one, Tuning) else tune(drive, **source, **options)
         name = Path(str(one)).stem if is_file else tuning.law
         if name in out:
             raise CommandError(f"two laws are called {name}", remedy="Keep one of them, or rename its file.")

@@ -63,15 +63,6 @@ def _hold(given: Any) -> HoldBand | None:  # noqa: ANN401 - of any type
     return HoldBand.model_validate(given)  # type: ignore[return-value]
 
 
-def _numbers(table: str) -> Reads:
-    def read(given: Any) -> Plain:  # noqa: ANN401 - of any type
-        if not isinstance(given, dict):
-            raise DescriptionError(f"{given!r} is not a table", remedy=f"Write [{table}], then a line for each number.")
-        return dict(given)
-
-    return Reads(read)
-
-
 _Factor = Annotated[float, Quantity("", bounds=Bounds(at_least=0.1, at_most=10.0))]
 
 
@@ -138,8 +129,8 @@ class Controller(Described):
         default=True, strict=True, description="it learns friction, mass and valve of its drive while it runs"
     )
     factors: Factors = Factors()
-    gains: Annotated[dict[str, Any], _numbers("gains")] = Field(default_factory=dict)
-    valves: Annotated[dict[str, Any], _numbers("valves")] = Field(default_factory=dict)
+    gains: dict[str, Any] = Field(default_factory=dict)
+    valves: dict[str, Any] = Field(default_factory=dict)
     hold: Annotated[HoldBand | None, Reads(_hold)] = Field(default=HoldBand(), description="false: it never holds")
     limits: instrumentation.ControlLimits = instrumentation.ControlLimits()
     motion: instrumentation.MotionComplete = instrumentation.MotionComplete()
@@ -573,21 +564,19 @@ def _tuned(table: Controller, word: str, belief: Circuit) -> Tuning:
             raise wrong("period", str(error)) from None
         raise DescriptionError(str(error), where=belief.source_file or belief.name) from None
     plant["left_out"] += check_axis(belief, plant)
-    gains = _numbers_of("gains", table.law, table.gains, ruled[0], lambda given: asked(gains=given))
+    gains = _numbers_of("gains", table.law, table.gains, ruled[0])
     if table.valves and not ruled[1]:
         raise invalid("valves", "control.table_of_valves")
-    valves = _numbers_of("valves", "these valves", table.valves, ruled[1], lambda given: asked(valves=given))
+    valves = _numbers_of("valves", "these valves", table.valves, ruled[1])
+    given, of_valves = ({one.key: one.value for one in own if one.given} for own in (gains, valves))
     try:
-        if table.factors.changed:
-            asked(factors=table.factors.changed)
-    except ValueError as error:
-        raise wrong(str(error).split(" ")[0], str(error)) from None
+        asked(gains=given, valves=of_valves, factors=table.factors.changed)
+    except ValueError as error:  # the message begins with the number, such as "pid.gain =" or "factors.gain ="
+        raise wrong(str(error).partition(" ")[0].replace(f"{word}.", "gains."), str(error)) from None
     return Tuning(table, gains, Plant(**plant), belief, valves=valves)
 
 
-def _numbers_of(
-    table: str, whose: str, values: Plain, ruled: list[_Ruled], check: Callable[[NamedNumbers], object]
-) -> tuple[TunedGain, ...]:
+def _numbers_of(table: str, whose: str, values: Plain, ruled: list[_Ruled]) -> tuple[TunedGain, ...]:
     """Read the numbers of a table of a controller file; missing numbers get the default of the core."""
     known = {key: gain_quantity(unit) for key, unit, *_ in ruled}
     given: NamedNumbers = {}
@@ -596,10 +585,6 @@ def _numbers_of(
             remedy = nearest(key, known) if known else f"Leave the table out, because {whose} has no gains."
             raise wrong(f"{table}.{key}", f"{table}.{key} is not a gain of {whose}", remedy=remedy)
         given[key] = known[key].read_at(f"{table}.{key}", value)
-        try:
-            check({key: given[key]})
-        except ValueError as error:
-            raise wrong(f"{table}.{key}", str(error)) from None
     return tuple(
         TunedGain(key, unit, given.get(key, value), meaning, rule, key in given)
         for key, unit, value, meaning, rule in ruled
