@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+import polars as pl
 
 from pneudrive.arrays import Row, evenly
 from pneudrive.errors import RecordingError
@@ -31,7 +32,6 @@ from pneudrive.signals.recording import CHANNELS, Recording
 from pneudrive.views import View, Viewed
 
 if TYPE_CHECKING:
-    import polars as pl
     import xarray as xr
 
     Input = Sequence[Recording | str | Path | xr.Dataset] | Recording | str | Path | xr.Dataset
@@ -39,8 +39,6 @@ if TYPE_CHECKING:
 
 def _speed_with_pressure(found: Characterisation) -> float:
     """Return the correlation of speed and pressure within seals, for the direction with the stronger correlation."""
-    import polars as pl
-
     level = ("recording", "friction_n")  # the rows of a level have its friction
     rows = pl.DataFrame({n: found.friction_map[n].to_numpy().tolist() for n in (*level, "direction", "velocity_m_s")})
     points, strongest = rows.join(found.table, on=level, maintain_order="left"), 0.0
@@ -280,8 +278,6 @@ def characterise_recordings(
     RecordingError, LayoutError
         A file or recording cannot be used. If there are more than `KEPT_IN_FULL` recordings, unusable ones are skipped.
     """
-    import polars as pl
-
     choice = protocol or Settled()
     watch, (number, sources) = Watch(progress, cancel), _sources(recordings, layout)
     is_large = number > KEPT_IN_FULL

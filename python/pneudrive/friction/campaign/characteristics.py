@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+import polars as pl
 
 from pneudrive.arrays import by_name, evenly
 from pneudrive.batching import many_objects
@@ -32,7 +33,6 @@ from pneudrive.signals.load import recordings_in
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
-    import polars as pl
     import xarray as xr
 
     from pneudrive.friction.characterisation import Characterisation
@@ -225,8 +225,6 @@ SUMMARY: dict[str, str] = TABLES["summary"]  # columns of the cycles of a campai
 
 def _cycles(reading: CampaignData, points: CurvePoints | None) -> pl.DataFrame:
     """Return a summary of all cycles that were read, in the order in which they were run."""
-    import polars as pl
-
     types = {name: pl.List(pl.String) if kind == "List" else getattr(pl, kind) for name, kind in SUMMARY.items()}
     point_of = {}
     if points is not None:
@@ -369,8 +367,6 @@ def _dwell(age: dwell_law.ContactAge, notes: list[str]) -> Iterator[Part]:
 
 def _relaxation(stops: pl.DataFrame, notes: list[str]) -> Iterator[Part]:
     """Yield the relaxed fraction and the time constant of a held force, if one time constant describes its decay."""
-    import polars as pl
-
     differs = (pl.col("relaxation_n_low") > 0.0) | (pl.col("relaxation_n_high") < 0.0)
     held = stops.filter(pl.col("relaxation_n").is_not_nan(), differs)
     if len(held) < dwell_law.FEWEST_STOPS:
@@ -396,8 +392,6 @@ def _relaxation(stops: pl.DataFrame, notes: list[str]) -> Iterator[Part]:
 
 def _temperature(found: CampaignCharacteristics, viscous_n_s_m: float) -> Iterator[Part]:
     """Yield the change of friction with temperature, relative to the mean dry friction."""
-    import polars as pl
-
     per_kelvin = None if found.drift is None else found.drift.per_kelvin
     if per_kelvin is None or not per_kelvin.differs:
         return

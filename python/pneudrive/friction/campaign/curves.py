@@ -14,6 +14,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import polars as pl
 
 from pneudrive.estimate.estimates import NORMAL_95, Estimate, rms
 from pneudrive.estimate.mixed import MixedModel, Predicted, RandomEffect
@@ -239,8 +240,6 @@ class CurveBand:
 
 def curves_of(fits: Fits, *, contains_air: bool) -> tuple[result.Curve, ...]:
     """Return the curves of all conditions: for both directions together (half the difference), for +x and for -x."""
-    import polars as pl
-
     points, curves = fits.points, list[result.Curve]()
     for band in fits.bands:
         out = points.at((points["curve"] == band.index) & ~points.use)

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import polars as pl
 
 from pneudrive.arrays import Array, Bools, Interval, Ints, Row, attributes_of
 from pneudrive.describe.files.toml import sections
@@ -20,7 +21,6 @@ from pneudrive.simulation.trajectory import check_target, write_frame, write_who
 from pneudrive.views import ShownCurve, View, Viewed
 
 if TYPE_CHECKING:
-    import polars as pl
     import xarray as xr
 
     from pneudrive.friction.campaign.reading import Loop
@@ -490,8 +490,6 @@ def write_characteristics(found: CampaignCharacteristics, folder: str | Path) ->
     CommandError
         If the folder cannot be written.
     """
-    import polars as pl
-
     folder = Path(folder)
     written = [write_map(found.friction_map, folder / name) for name in ("map.parquet", "map.csv")]
     written += write_curves_and_effects(found, folder)
@@ -504,8 +502,6 @@ def write_characteristics(found: CampaignCharacteristics, folder: str | Path) ->
 
 def write_curves_and_effects(found: CampaignCharacteristics, folder: Path) -> list[Path]:
     """Write effects, intervals, budget and statements as effects.toml, and curves.parquet if there are curves."""
-    import polars as pl
-
     tables = _entries(found, "effects") | {"cycles": len(found.cycles), "dwell": [_series(s) for s in found.dwell]}
     effects, target = write_tables(tables, folder / "effects.toml"), folder / "curves.parquet"
     if not found.curves:

@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.special import chdtri, fdtrc
 
 from pneudrive.estimate.autocorrelation import cells, centred_walk, moderate, projection, stderrs_of_means
 from pneudrive.estimate.estimates import CHANCE, NORMAL_95, Estimate, mean_estimate, student
@@ -128,8 +129,6 @@ def pure_scatter(fits: Fits) -> tuple[Estimate, float, str] | None:
     Cycles at one condition and speed are used, after subtracting their mean, a line over the campaign and the means of
     the blocks. Means of several cycles have a larger weight. None without repeats.
     """
-    from scipy.special import chdtri
-
     points, fit = fits.points, fits.friction
     use = np.flatnonzero(points.use)
     cell = points["cell"][use]
@@ -312,8 +311,6 @@ def _each(columns: Array, rows: Array) -> Array:
 
 def _harmonic(order: float, wavelength: float, cosine: Array, sine: Array) -> PositionWave:
     """Estimate one harmonic. Its amplitude is tested by Hotelling's T2 of cosine and sine part."""
-    from scipy.special import fdtrc
-
     n = cosine.size
     both = np.column_stack([cosine, sine])
     mean = both.mean(axis=0)

@@ -20,6 +20,7 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
+import polars as pl
 
 from pneudrive.arrays import Array, Row, by_name
 from pneudrive.estimate.estimates import Estimate, mean_estimate, student
@@ -34,8 +35,6 @@ from pneudrive.repr_tables import Shown
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
-
-    import polars as pl
 
     from pneudrive.friction.friction_map import Condition
 
@@ -379,8 +378,6 @@ def fit_dwell(stops: pl.DataFrame, ambient_pressure_pa: float) -> tuple[tuple[Dw
         One series for each set of levels, restart speed and axis state (held, released), and statements on determined
         and undetermined values.
     """
-    import polars as pl
-
     if not len(stops):
         return (), []
     series, statements = [], []

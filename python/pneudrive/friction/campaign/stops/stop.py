@@ -29,6 +29,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+import polars as pl
 
 from pneudrive.arrays import Array, ArrayPair, Bools, Pair, Row, evenly
 from pneudrive.batching import share_out
@@ -45,8 +46,6 @@ from pneudrive.signals.motion import noise_level, straight_line
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
-
-    import polars as pl
 
     from pneudrive.signals.recording import Recording
 
@@ -221,8 +220,6 @@ def find_stops(
     tuple of Skipped
         Unreadable stops with reasons.
     """
-    import polars as pl
-
     files = campaign.scan()[0] if files is None else files
     stops = [f for f in files if f.head.cycle.kind == "stop" and f.head.cycle.stop_s != 0.0]
     if not stops:
