@@ -120,15 +120,11 @@ class ReplayRig:
         self._state = replace(self._state, pressure_a_pa=a_pa, pressure_b_pa=b_pa)
 
     def move(self, to_m: float, speed_m_s: float) -> None:
-        """Move the axis without playing a recording."""
-        self._halted.clear()
-        self._wait(monotonic(), abs(to_m - self._state.position_m) / speed_m_s)
+        """Move the axis at once, without playing a recording."""
         self._state = replace(self._state, position_m=to_m)
 
     def hold(self, duration_s: float, released: bool = False) -> None:
-        """Wait at rest without playing a recording."""
-        self._halted.clear()
-        self._wait(monotonic(), duration_s)
+        """Do nothing: recordings contain all holds that are played."""
 
     def acquire(self, steps: Sequence[Step], sampling: Sampling) -> Iterator[Samples]:
         """Play the recording that matches these steps, with its recorded sample times."""

@@ -200,7 +200,7 @@ class FolderLock:
         path = folder / NAME
         no_links(folder)
         with clear_errors("the campaign folder cannot be locked", path):
-            self._file: int | None = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
+            self._file = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
         try:
             taken = take(self._file)
         except OSError as error:
@@ -216,26 +216,18 @@ class FolderLock:
     def tell(self, **what: str) -> None:
         """Write the ``state``, ``text`` and ``cycle`` of this process for other processes."""
         self._holder = replace(self._holder, **what)
-        if self._file is None:
-            return
         text = json.dumps(asdict(self._holder)).encode()
         with suppress(OSError):  # a full disk must not end the campaign here: readers wait
             os.pwrite(self._file, text, 0)
             os.ftruncate(self._file, len(text))
 
-    def release(self) -> None:
-        """Release the lock."""
-        if self._file is not None:
-            with suppress(OSError):
-                os.ftruncate(self._file, 0)
-            os.close(self._file)
-            self._file = None
-
     def __enter__(self) -> FolderLock:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self.release()
+        with suppress(OSError):
+            os.ftruncate(self._file, 0)
+        os.close(self._file)
 
 
 def holder(folder: Path) -> Holder | None:
