@@ -8,7 +8,7 @@ import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from numbers import Real
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeAlias, cast
+from typing import TYPE_CHECKING, Any, TypeAlias, cast
 
 from pneudrive import units
 from pneudrive.describe.marks import Positions, Signal
@@ -59,27 +59,28 @@ def steps(command: Command, times: Sequence[float] | None = None, signal: Comman
     >>> steps("0 s: 0.6, 1 s: -0.6")
     ((0.0, 1.0), (0.6, -0.6))
     """
-    if isinstance(command, Path):
-        return _from_file(command, signal)
+    places: list[str] = []  # file and line of each entry
     if isinstance(command, str):
         # `isfile` is False for a text that is no name of a file.
-        if command.lower().endswith(".csv") or (":" not in command and os.path.isfile(command)):  # noqa: PTH113
-            return _from_file(Path(command), signal)
-        command = _entries(command)
-    if isinstance(command, Real):
-        return _checked([(0.0, _number(command, "command"))], signal)
-    if callable(command):
-        pairs = [(time, _number(command(time), f"command at {time:g} s:")) for time in times or (0.0,)]
-        return _checked(pairs, signal)
+        is_file = command.lower().endswith(".csv") or (":" not in command and os.path.isfile(command))  # noqa: PTH113
+        command = Path(command) if is_file else _entries(command)
+    if isinstance(command, Path):
+        command, places = _lines(command)
+    elif isinstance(command, Real):
+        command = [(0.0, float(command))]
+    elif callable(command):
+        command = [(time, command(time)) for time in times or (0.0,)]
     if not isinstance(command, Iterable):
         raise CommandError(f"the command has the type {type(command).__name__}", remedy=f"Give {FORMS}.")
     pairs = []
     for number, pair in enumerate(command):
+        where = places[number] if places else None
         try:
             time, value = pair
         except (TypeError, ValueError):
-            raise CommandError.of("simulation.command-entry", number=number + 1, pair=pair, forms=FORMS) from None
-        if isinstance(time, str):
+            entry = {"number": number + 1, "pair": pair, "forms": FORMS}
+            raise CommandError.of("simulation.command-entry", where=where, **entry) from None
+        if isinstance(time, str) and not places:
             with naming("a time of the command"):
                 time = units.parse(time, "s")  # in s
         if isinstance(value, str) and value.split()[1:]:  # a voltage or a current
@@ -87,8 +88,9 @@ def steps(command: Command, times: Sequence[float] | None = None, signal: Comman
             if electrical is None:
                 raise CommandError.of("simulation.no-electrical-input", given=value)
             value = electrical.opening(value)  # in [-1, 1]
-        pairs.append((_number(time, "time"), _number(value, "command")))
-    return _checked(pairs, signal)
+        at = _number(time, "time", where)
+        pairs.append((at, _number(value, f"command at {at:g} s:", where)))
+    return _checked(pairs, signal, places)
 
 
 def plans(
@@ -204,30 +206,23 @@ def _entries(text: str) -> list[tuple[str, str]]:
     return pairs
 
 
-def _from_file(path: Path, signal: CommandInput) -> Steps:
+def _lines(path: Path) -> tuple[list[Any], list[str]]:
+    """Return times and values in a command file as texts, and the line of each pair."""
     if not exists(path):
         raise CommandError(f"there is no command file {path}")
     text = read_text(path, CommandError)
-    lines = [(number, line) for number, line in enumerate(text.splitlines(), start=1) if line.strip()]
+    lines = [(f"{path}:{number}", line) for number, line in enumerate(text.splitlines(), start=1) if line.strip()]
     if not lines:
         raise CommandError(f"{path} is empty", rule="a command file is CSV: time_s,command")
-    header = [name.strip().strip('"') for name in lines[0][1].split(",")]
-    if header != ["time_s", "command"]:
-        raise CommandError.of("simulation.command-header", where=f"{path}:{lines[0][0]}", lines=lines[0][1].strip())
-    places, pairs = [], []
-    for number, line in lines[1:]:
-        fields = line.split(",")
-        where = f"{path}:{number}"
-        if len(fields) != 2:
-            raise CommandError(f"the line has {len(fields)} values, not 2", where=where, value=line.strip())
-        pairs.append((_number(fields[0], "time", where), _number(fields[1], "command", where)))
-        places.append(where)
-    if not pairs:
+    (where, first), *entries = lines
+    if [name.strip().strip('"') for name in first.split(",")] != ["time_s", "command"]:
+        raise CommandError.of("simulation.command-header", where=where, lines=first.strip())
+    if not entries:
         raise CommandError(f"{path} has no entries", rule="the first entry is at 0 s")
-    return _checked(pairs, signal, places)
+    return [line.strip().split(",") for _, line in entries], [where for where, _ in entries]
 
 
-def _checked(pairs: Sequence[tuple[float, float]], signal: CommandInput, places: Sequence[str] | None = None) -> Steps:
+def _checked(pairs: Sequence[tuple[float, float]], signal: CommandInput, places: Sequence[str]) -> Steps:
     if not pairs:
         raise CommandError("the command is empty", rule="the first entry is at 0 s")
     before = -math.inf
