@@ -24,8 +24,6 @@ from pneudrive.rig.interface import Hold, Move
 from pneudrive.rig.machine import steady_friction_n
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from pneudrive.arrays import Array
     from pneudrive.rig.description import AnalogSensor, RigDescription
     from pneudrive.rig.interface import Step
@@ -149,30 +147,22 @@ def truth_of_cycle(d: RigDescription, past: Past, force: AnalogSensor, steps: li
     }
 
 
-def observe(session: RigSession, observer: Callable[..., None]) -> None:
-    """Call a function after each step with samples: machine, history before the step, step, motion and true signals."""
-    ahead = session._ahead
-
-    def observed(run: Any, step: Step, motion: Motion, times: Array) -> Any:
-        before, true = ahead(run, step, motion, times)
-        if times.size > 1:  # otherwise a move without recording
-            observer(session._machine, before, step, motion, true)
-        return before, true
-
-    session._ahead = observed
-
-
 def telling(session: RigSession) -> RigSession:
     """Return a session with the method ``truth``: the ground truth of its last cycle."""
     steps: list[dict[str, Any]] = []
-    acquire = session.acquire
+    acquire, ahead = session.acquire, session._ahead
 
     def anew(*request: Any) -> Any:
         steps.clear()
         return acquire(*request)
 
-    observe(session, lambda *step: steps.append(truth_of_step(*step)))
-    session.acquire = anew
+    def observed(run: Any, step: Step, motion: Motion, times: Array) -> Any:
+        before, true = ahead(run, step, motion, times)
+        if times.size > 1:  # otherwise a move without recording
+            steps.append(truth_of_step(session._machine, before, step, motion, true))
+        return before, true
+
+    session.acquire, session._ahead = anew, observed
     d = session.rig.description
     session.truth = lambda: truth_of_cycle(d, session.past, session._instruments.force, list(steps))
     return session

@@ -11,11 +11,11 @@ import pytest
 import pneudrive as pn
 from campaign.fake_rig import QUICK, protocol
 from oracle.campaigns import BAR, World, hits, rewrite, write_campaign
-from oracle.rig_truth import observe
 from pneudrive.campaign.run import run_campaign
 from pneudrive.characteristics import campaign_friction
 from pneudrive.errors import CampaignError
 from pneudrive.rig import load_rig
+from pneudrive.rig.machine import Past
 
 
 def change(frame: pl.DataFrame, column: str, rows, value) -> pl.DataFrame:
@@ -217,14 +217,11 @@ def test_a_zero_that_no_accuracy_explains_is_said_and_not_taken_off(measured, qu
 
 def test_the_zeros_of_a_simulated_rig_are_told_apart(tmp_path):
     rig, true = load_rig("default", seed=3), {}
-
-    def drifted(machine, *_):
-        past, zero = rig.past, machine.d.force_sensor.zero
-        zero_n = zero + float(past.force_drift_n(machine.d))
+    d = rig.rig.description
+    for file in run_campaign(protocol(), rig, tmp_path / "c", options=QUICK).campaign.cycles():
+        past = Past.from_dict(file.head.memory)
+        zero_n = d.force_sensor.zero + float(past.force_drift_n(d))
         true[past.key] = {"a": past.pressure_a_pa, "b": past.pressure_b_pa, "force_zero_n": zero_n}
-
-    observe(rig, drifted)
-    run_campaign(protocol(), rig, tmp_path / "c", options=QUICK)
     found = campaign_friction(tmp_path / "c", processes=1)
     rows = found.friction_map
     for side in ("a", "b"):
