@@ -229,7 +229,6 @@ class PressureLine(Shown):
     band_low_n: Array
     band_high_n: Array
     basis: str
-    speed_pressure_correlation: float
     statement: str
 
     @property
@@ -343,7 +342,6 @@ def _line(title: str, points: pl.DataFrame, spread: RunSpread | None) -> Pressur
         band_low_n=mean - half,
         band_high_n=mean + half,
         basis=basis,
-        speed_pressure_correlation=together,
         statement=sentence(
             "pressure_line.line",
             seal=title,

@@ -22,6 +22,7 @@ from pneudrive.friction.campaign.result import CampaignCharacteristics, Ranges
 from pneudrive.friction.campaign.statements import statements
 from pneudrive.friction.campaign.stops import dwell_law
 from pneudrive.friction.campaign.stops.stop import find_stops
+from pneudrive.friction.characterisation import Characterisation, characterise_recordings
 from pneudrive.friction.friction_map import ALL_RECORDINGS, BOTH, LEVELS, TABLES, assemblies_of
 from pneudrive.friction.sentences import sentence
 from pneudrive.friction.strokes import SAMPLE_CHOICES, SampleChoice, Settled
@@ -35,7 +36,6 @@ if TYPE_CHECKING:
 
     import xarray as xr
 
-    from pneudrive.friction.characterisation import Characterisation
     from pneudrive.identify.static.result import FrictionFit
     from pneudrive.signals.layout import AnyLayout
     from pneudrive.signals.recording import Recording
@@ -124,8 +124,6 @@ def characterise(
     RecordingError, LayoutError, CampaignError
         If a file, recording or folder cannot be used.
     """
-    from pneudrive.friction.characterisation import characterise_recordings
-
     if isinstance(recordings, str | Path) and Path(recordings).is_dir():
         files = recordings_in(Path(recordings))
         if not files:
@@ -174,10 +172,7 @@ def _characterise(reading: CampaignData, choice: SampleChoice) -> CampaignCharac
         }
     if points is not None:
         parts["stick_slip"], parts["stick_slip_thresholds"] = campaign_curves.stick_slip(points)
-        parts |= {
-            "position": trends.position_dependence(points),
-            "loops": _loops(reading, points, choice),
-        }
+        parts |= {"position": trends.position_dependence(points), "loops": _loops(reading, points, choice)}
     cycles, sliding = _cycles(reading, points), reading.sliding
     measured = {"speed_m_s": np.abs(sliding["velocity_m_s"]), "temperature_k": sliding["temperature_k"]}
     for side in "ab":

@@ -63,7 +63,6 @@ NEGATIVE = "negative friction"
 OUTLIER = "outlier"
 SURE = 3.0  # standard errors below zero: negative beyond noise
 NEIGHBOURS = 6  # nearest cycles in speed for the comparison of a cycle's friction
-ENOUGH = 4
 FAR = 10.0  # factor of friction to neighbouring speeds: an error of sensor, unit or range, not a seal
 
 
@@ -77,7 +76,7 @@ def implausible_friction(condition: Ints, speed_m_s: Array, friction_n: Array, s
             near = order[max(at - NEIGHBOURS, 0) : at + NEIGHBOURS + 1]
             near = near[near != i]
             near = near[np.argsort(np.abs(pace[near] - pace[i]), kind="stable")][:NEIGHBOURS]
-            usual = np.median(np.abs(friction_n[near])) if near.size >= ENOUGH else 0.0
+            usual = np.median(np.abs(friction_n[near])) if near.size >= ENOUGH_CYCLES else 0.0
             if friction_n[i] < -SURE * stderr_n[i]:
                 found[i] = NEGATIVE
             elif usual > 0 and not usual / FAR <= abs(friction_n[i]) <= usual * FAR:
@@ -289,12 +288,13 @@ class CurvePoints(CycleTable):
     def condensed(self) -> CurvePoints:
         """Group successive repeats of one condition, speed class and block, if there are too many points to fit each.
 
-        If there are very many groups, neighbouring blocks of the same levels are merged.
+        If there are very many groups, neighbouring blocks are merged.
         """
         used = np.flatnonzero(self.use)
         if used.size <= MOST_CYCLES:
             return self
-        groups = [used[group] for group in grouped(self["cell"][used], _stretches(self)[used], MOST_CYCLES, MOST_CELLS)]
+        block = np.unique(self["block"][used], return_inverse=True)[1]
+        groups = [used[group] for group in grouped(self["cell"][used], block, MOST_CYCLES, MOST_CELLS)]
         means = {}
         for name in ("speed_m_s", "friction_n", "offset_n", "air_n"):
             means[name] = np.array([self[name][group].mean() for group in groups])
@@ -329,16 +329,6 @@ def points_of(reading: CampaignData) -> CurvePoints | None:
     columns |= {"curve": curve, "level": level, "cell": cell, "reason": np.where(reason == "", unlikely, reason)}
     alone = tuple(np.arange(len(cycles))[:, None])
     return CurvePoints(cycles.columns | columns, pattern, conditions, speeds, cycles, alone)
-
-
-def _stretches(points: CurvePoints) -> Ints:
-    """Return the block index of each cycle, counted from 0 within each combination of mounting, seal and drive."""
-    ranks: dict[tuple[str, ...], dict[int, int]] = {}
-    found = []
-    for condition, block in zip(points["condition"], points["block"].tolist(), strict=True):
-        same = ranks.setdefault(condition.levels, {})
-        found.append(same.setdefault(block, len(same)))
-    return np.array(found, dtype=np.int64)
 
 
 def grouped(place: Ints, stretch: Ints, rows: int, most: int) -> list[list[int]]:

@@ -76,10 +76,6 @@ class DwellForm:
     exponent: float = 1.0
     reach: Interval = (30.0, 30.0)
 
-    def __str__(self) -> str:
-        """Return the title."""
-        return self.title
-
     @property
     def saturates(self) -> bool:
         """Whether the growth has a limit."""
