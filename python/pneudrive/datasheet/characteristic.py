@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from inspect import signature
@@ -129,22 +130,27 @@ class Characteristic:
 
 
 def characteristic(name: str, **more: Any) -> Callable[[Find], Characteristic]:  # noqa: ANN401
-    """Make a characteristic from a function, whose docstring gives title, definition, settings and results.
+    """Make a characteristic from a function, whose docstring gives all texts.
+
+    Its first line is the title. The definition follows, then the fields ``:algorithm:``, ``:standard:`` and
+    ``:cites:``, and the sections ``Settings`` and ``Results``.
 
     Parameters
     ----------
     name : str
     **more
-        Other fields of `Characteristic`: the algorithm, and the definition if it is not in the docstring.
+        Other fields of `Characteristic`, and the definition if it is not in the docstring.
     """
 
     def made(find: Find) -> Characteristic:
         (text, described), (rest, results) = (parts_of(find, heading) for heading in ("Settings", "Results"))
-        text = min(text, rest, key=len)
+        text, *fields = re.split(r"^:(\w+): ", min(text, rest, key=len), flags=re.MULTILINE)
         title, _, meaning = text.partition("\n\n")
+        stated: Plain = {key: " ".join(value.split()) for key, value in zip(fields[::2], fields[1::2], strict=True)}
+        stated["cites"] = tuple(re.findall(r"[\w-]+", stated.get("cites", "")))
         defaults = {key: one.default for key, one in list(signature(find).parameters.items())[1:]}
         settings = {key: (default, described[key][1]) for key, default in defaults.items()}
-        about: Plain = {"title": title.rstrip("."), "definition": " ".join(meaning.split())} | more
+        about: Plain = {"title": title.rstrip("."), "definition": " ".join(meaning.split())} | stated | more
         return Characteristic(name, find=find, settings=settings, results=results, **about)
 
     return made

@@ -34,8 +34,6 @@ if TYPE_CHECKING:
 #: Keys that only a switching valve has.
 _TIMES = ("time_on", "time_off", "travel_share", "pwm_frequency", "pwm_model", "normally", "centre")
 LOCK = "rod-lock"
-#: Key of the start position of a valve that keeps its last position.
-_KEPT = "position"
 
 
 @dataclass(frozen=True)
@@ -79,15 +77,12 @@ class Actuation:
 def held_tables(circuit: Circuit) -> Plain:
     """Return the tables of a circuit after replacing its switching valves with proportional valves."""
     tables = circuit.to_dict()
-    parts = dict(tables["components"])
-    starts = dict(tables.get("initial", {}))
-    for name in circuit.commandable:
-        if circuit.components[name].kind in HELD:
-            parts[name] = _proportional(circuit.components[name].kind, circuit.components[name].plain())
-        if isinstance(starts.get(name), dict):
-            starts[name] = {key: value for key, value in starts[name].items() if key != _KEPT}
-    starts = {name: table for name, table in starts.items() if table != {}}
-    return tables | {"components": parts} | ({"initial": starts} if "initial" in tables else {})
+    parts = {name: circuit.components[name] for name in circuit.commandable}
+    held = {name: _proportional(part.kind, part.plain()) for name, part in parts.items() if part.kind in HELD}
+    tables["components"] |= held
+    if "initial" in tables:  # a proportional valve has no last position to start from
+        tables["initial"] = {name: table for name, table in tables["initial"].items() if name not in held}
+    return tables
 
 
 #: Kind of a switching valve -> kind of the proportional valve with the same paths.
