@@ -62,11 +62,6 @@ class SafeBounds:
         out, back = (min(sign * weight * one for one in (light, heavy)) for sign in (1.0, -1.0))
         self.against = {True: out + task.external_force_n, False: back - task.external_force_n}
 
-    def lacks(self, choice: DriveChoice) -> Shortage | None:
-        """Return the reason why a choice cannot do the task, or None."""
-        found = self.part(choice.valve) or self.part(choice.tube) or self.part(choice.flow_control)
-        return found or self.cylinder(choice.cylinder) or self.fits(choice)
-
     def part(self, part: PartChoice) -> Shortage | None:
         """Compare the task with the limits on the data sheet of a part."""
         most = part.printed_si("maximum_pressure", "Pa")

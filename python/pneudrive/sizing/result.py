@@ -267,23 +267,15 @@ class SizingResult(Viewed):
 
     @property
     def remarks(self) -> list[str]:
-        """State, yearly air, savings, cheaper choices, second-best cylinder, possible values, and the search."""
-        lines, cheaper = [f"{self.task.name}: {self.state}", *yearly(self)], self.cheaper
+        """State, yearly air, savings, a thriftier cylinder with more open checks, possible values, and the search."""
+        lines = [f"{self.task.name}: {self.state}", *yearly(self)]
         lines += [f"{saving}." for saving in self.savings]
-        lines += [
-            f"Next best cylinder: {in_words(drive.parts)}, {three(drive.air_litres_anr)} l ANR a cycle, "
-            f"margin {three(100.0 * drive.margin)} %."
-            for drive in self.by_cylinder[1:2]
-        ]
         lines += [
             f"Less air, but further open checks ({', '.join(more)}): {in_words(drive.parts)}, "
             f"{three(drive.air_litres_anr)} l ANR a cycle."
             for drive in sorted(self.by_cylinder, key=lambda drive: drive.air)[:1]
             if (more := [name for name in drive.open_names if name not in self.ranked[0].open_names])
         ]
-        if self.best is not None and cheaper:
-            number = "1 choice" if len(cheaper) == 1 else f"{len(cheaper)} choices"
-            lines.append(f"{number} with less air missed a limit; {cheaper[0].part_names}: {cheaper[0].missed}.")
         lines += [f"Nearest possible {value}." for value in (self.miss.possible if self.miss else ())]
         return [*lines, self.extent, *self.notes]
 

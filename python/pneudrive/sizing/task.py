@@ -8,7 +8,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from difflib import get_close_matches
 from fnmatch import fnmatchcase
-from itertools import product
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal, TypeAlias
 
@@ -469,18 +468,15 @@ def grouped(parts: Sequence[PartChoice]) -> list[PartChoice]:
     return list(first.values())
 
 
-def combined(found: Parts) -> list[DriveChoice]:
-    """Return all combinations of parts."""
-    return [DriveChoice(*parts) for parts in product(*(found[slot] for slot in SLOTS))]
-
-
 def part_choice(entry: Entry, task: SizingTask) -> PartChoice:
     """Return a part whose values are overridden by those of the task and completed by assumed ones."""
     own = {value.key: value.value for value in entry.values}
+    printed = {value.key: value.value for value in entry.printed}
     given: Plain = {}
     assumed: dict[str, tuple[Any, str]] = {}
     if entry.kind in SLOTS["cylinder"]:
-        given, assumed = _cylinder(entry, task)
+        is_fixed = any(value.key == "stroke" and value.source is not None for value in entry.values)
+        given, assumed = _cylinder(entry.kind, own, printed, task, is_fixed=is_fixed)
     elif entry.kind in SLOTS["tube"]:
         given = {"length": units.write(task.tube_length_m, "m", "m")}
     elif entry.kind == FLOW_CONTROL and not any(key.startswith("check_") for key in own):
@@ -514,47 +510,42 @@ def part_choice(entry: Entry, task: SizingTask) -> PartChoice:
     numbers, law = core.pop("numbers"), core.pop("friction") or {}
     numbers |= {f"friction.parameters.{key}": value for key, value in law.pop("parameters", {}).items()}
     said = {key for key, one in made.origins.items() if one.assumed is not None}
-    printed = {one.key: one.value for one in entry.printed}
     form = (repr(core), repr(law), *sorted(numbers))
     return PartChoice(entry.name, table, numbers, form, frozenset(said), printed)
 
 
-def _cylinder(entry: Entry, task: SizingTask) -> tuple[Plain, dict[str, tuple[Any, str]]]:
-    """Return the values of a cylinder that follow from the task, and the assumed ones."""
-    own = {value.key: value for value in entry.values}
-    bore = units.parse(own["bore"].value, "m")
+def _cylinder(
+    kind: str, own: Keyed, printed: Keyed, task: SizingTask, *, is_fixed: bool
+) -> tuple[Plain, dict[str, tuple[Any, str]]]:
+    """Return the values of a cylinder that follow from the task, and the assumed ones.
+
+    `own` and `printed` are the values of its data sheet. The stroke of the sheet is used if it is fixed.
+    """
+    bore = units.parse(own["bore"], "m")
     area = math.pi / 4.0 * bore**2
-    rodless = entry.kind == "cylinder/rodless"
-    stroke = own.get("stroke")
-    is_fixed = stroke is not None and stroke.source is not None
-    length = units.parse(stroke.value, "m") if is_fixed else task.stroke_m  # type: ignore[union-attr]
-    rod = units.parse(own["rod_diameter"].value, "m") if "rod_diameter" in own else 0.35 * bore
+    rodless = kind == "cylinder/rodless"
+    length = units.parse(own["stroke"], "m") if is_fixed else task.stroke_m
+    rod = units.parse(own["rod_diameter"], "m") if "rod_diameter" in own else 0.35 * bore
     if rodless:
         mass, why = 0.7 * (bore / 25e-3) ** 2.2, "not on the data sheet: piston and carriage, 0.7 kg at bore 25"
     else:
-        sides = 2.0 if entry.kind == "cylinder/through-rod" else 1.0
+        sides = 2.0 if kind == "cylinder/through-rod" else 1.0
         bar = STEEL_KG_M3 * math.pi / 4.0 * rod**2 * (sides * length)
         mass, why = 0.2 * (bore / 32e-3) ** 2.5 + bar, "not on the sheet: piston, 0.2 kg at bore 32, and a rod of steel"
-    dead = area * 15e-3
-    assumed: dict[str, tuple[Any, str]] = {
-        "moving_mass": (f"{mass:.3g} kg", why),
-        **_friction(entry, bore),
-    }
+    assumed: dict[str, tuple[Any, str]] = {"moving_mass": (f"{mass:.3g} kg", why), **_friction(own, printed, bore)}
     if not rodless:
         assumed["rod_diameter"] = (f"{1e3 * rod:.3g} mm", "not on the sheet: 35 % of the bore")
     reason = "not on the sheet: 15 mm of the bore at each end, port and fitting included"
-    cushion = _cushion(entry, bore, length)
+    cushion = _cushion(own, printed, bore, length)
     share = 0.6 if cushion else 1.0
     over: Plain = {"incline": units.write(task.incline_rad, "rad", "deg")}
     for end in "ab":
-        given = own.get("dead_volume")
-        volume = units.parse(given.value[end], "m3") if given is not None else dead
-        if cushion:
+        volume = units.parse(own["dead_volume"][end], "m3") if "dead_volume" in own else area * 15e-3
+        if cushion:  # the dead volume of the sheet is split between chamber and port
             assumed |= {f"cushion_{end}_{key}": one for key, one in cushion.items()}
             assumed[f"cushion_{end}_port_volume"] = (_cm3((1.0 - share) * volume), "two fifths of the dead volume")
-        assumed[f"dead_volume_{end}"] = (_cm3(share * volume), reason)
-        if cushion:  # the dead volume of the sheet is split between chamber and port
             over[f"dead_volume_{end}"] = {"value": _cm3(share * volume), "assumed": reason}
+        assumed[f"dead_volume_{end}"] = (_cm3(share * volume), reason)
     if not any(key.startswith("end_stop") for key in own):
         damping = 2.0 * STOP_DAMPING * math.sqrt(STOP_N_M * (task.mass_kg + mass))
         why = "a contact without rebound, which ends the stroke"
@@ -566,11 +557,9 @@ def _cylinder(entry: Entry, task: SizingTask) -> tuple[Plain, dict[str, tuple[An
     return over, assumed
 
 
-def _friction(entry: Entry, bore: float) -> dict[str, tuple[Any, str]]:
+def _friction(own: Keyed, printed: Keyed, bore: float) -> dict[str, tuple[Any, str]]:
     """Return the assumed friction, a Stribeck law, for a data sheet without friction."""
     area = math.pi / 4.0 * bore**2
-    own = {value.key: value.value for value in entry.values}
-    printed = {value.key: value.value for value in entry.printed}
     least = printed.get("minimum_operating_pressure")
     if "friction.coulomb" in own:
         coulomb = units.parse(own["friction.coulomb"], "N")
@@ -590,14 +579,13 @@ def _friction(entry: Entry, bore: float) -> dict[str, tuple[Any, str]]:
     }
 
 
-def _cushion(entry: Entry, bore: float, stroke: float) -> dict[str, tuple[Any, str]]:
+def _cushion(own: Keyed, printed: Keyed, bore: float, stroke: float) -> dict[str, tuple[Any, str]]:
     """Return assumed values of adjustable cushions that the data sheet does not give.
 
     Empty if the cylinder has no cushions or no room for them.
     """
-    if any(value.key.startswith("cushion") for value in entry.values):
+    if any(key.startswith("cushion") for key in own):
         return {}
-    printed = {value.key: value.value for value in entry.printed}
     length, why = printed.get("cushion_length"), "the cushion's length on the sheet"
     if length is None and str(printed.get("cushion", "")).startswith("pneumatic"):
         length, why = f"{500.0 * bore:.3g} mm", "not on the sheet: half the bore"

@@ -134,14 +134,11 @@ class Diagnosis(Shown):
         Causes, the most important one first.
     left : float
         Fraction of the squared residual that no cause explains.
-    alone : tuple of (str, float, float)
-        Key, amount and explained fraction of each cause fitted on its own to the first residual, best first.
     """
 
     size: NamedNumbers
     culprits: tuple[Culprit, ...]
     left: float
-    alone: tuple[tuple[str, float, float], ...]
 
     @property
     def is_clean(self) -> bool:
@@ -455,11 +452,9 @@ def diagnose(
     """
     model = _Regression(drive, signals, Watch(progress, cancel))
     first, culprits = model.left, []
-    alone: tuple[tuple[str, float, float], ...] = ()
     is_told = drive.valve.time_on_s is None  # the balances know no armature on its way
     while is_told and len(culprits) < MOST_CULPRITS and model.is_dirty(model.left):
         fits = model.fits({c.key for c in culprits}, len(culprits))
-        alone = alone or tuple((fit.cause.key, fit.amount, fit.share) for fit in fits if len(fit.causes) == 1)
         # Only the cause that explains most counts, because weaker ones are not evidence.
         if not fits or not model.is_shown(fits[0]):
             break
@@ -470,7 +465,7 @@ def diagnose(
         model.scenes = model.changed(fits[0].causes, fits[0].amounts)
         model.left = model.stacked(scene.residuals for scene in model.scenes)
     remains = float(model.left @ model.left) / float(first @ first) if first.size and first.any() else 0.0
-    return Diagnosis(model.sizes(first), tuple(culprits), remains, alone)
+    return Diagnosis(model.sizes(first), tuple(culprits), remains)
 
 
 def _flow(ratio: Array, critical: float) -> Array:

@@ -12,7 +12,7 @@ import pytest
 from pneudrive.sizing import checks
 from pneudrive.sizing.prune import SafeBounds, nearest_possible
 from pneudrive.sizing.strokes import DRAWN, DriveStrokes, StrokeResults
-from pneudrive.sizing.task import DriveChoice, SizingTask, choices, combined
+from pneudrive.sizing.task import DriveChoice, SizingTask, choices
 
 TASK: dict[str, Any] = {"mass": "4 kg", "stroke": "200 mm", "time": "0.5 s", "supply": {"pressure": "6 bar gauge"}}
 PARTS = {"cylinder": "smc-cp96-32", "valve": "smc-sy9000", "tube": "smc-tu0805", "flow_control": "festo-gr-3-4"}
@@ -181,10 +181,11 @@ def rod(choice: DriveChoice, printed: dict[str, Any], diameter: str, assumed: bo
 def test_the_nearest_possible_value_leaves_a_choice_and_one_a_little_off_none(choice, change, name):
     """By `SafeBounds` at that value itself, of a catalogue of one choice whose sheets have no limits."""
     parts = {slot: [replace(getattr(choice, slot), printed={})] for slot in PARTS}
-    (only,) = combined(parts)
+    only = DriveChoice(*(one for (one,) in parts.values()))
 
     def left(one: SizingTask) -> bool:
-        return SafeBounds(one, parts["tube"]).lacks(only) is None
+        bounds = SafeBounds(one, parts["tube"])
+        return bounds.cylinder(only.cylinder) is None and bounds.fits(only) is None
 
     task = SizingTask(**TASK | change)
     said = dict(line.split(": ", 1) for line in nearest_possible(task, parts, SafeBounds(task, parts["tube"])))
