@@ -34,7 +34,7 @@ from pneudrive.rig.description import DEFAULT, open_file
 from pneudrive.rig.interface import Hold, Identity, Samples
 from pneudrive.rig.rig_file import load_rig
 from pneudrive.signals.layout import Layout
-from pneudrive.signals.load import load_recording, read_trajectory
+from pneudrive.signals.load import load_recording
 from pneudrive.signals.proposal import propose_layout
 from pneudrive.simulation.command import steps
 from pneudrive.simulation.trajectory import read_columns, save
@@ -161,7 +161,7 @@ def proposal(path: Path) -> list[np.ndarray]:
 
 
 def own(path: Path) -> list[np.ndarray]:
-    read_trajectory(path, "run")
+    load_recording(path, None)
     return list(read_columns(path, ("time_s", "position_m", "pressure_a_pa")).values())
 
 

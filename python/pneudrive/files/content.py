@@ -12,7 +12,7 @@ import os
 import re
 import stat
 import zlib
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from difflib import get_close_matches
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO, cast
@@ -53,12 +53,16 @@ _TOKENS = re.compile(
 _JSON_TOKENS = re.compile(r'"(?:\\.|[^"\\])*"?|[\[\]{}]', re.DOTALL)
 
 LARGEST_WHOLE = 2**63 - 1  # of TOML
+#: Suffix of a file -> its unpacking function.
+COMPRESSIONS: dict[str, Callable[[Path], object]] = {".gz": gzip.open, ".xz": lzma.open, ".bz2": bz2.open}
+PIECE = 1 << 22
+SMALL = 1e8  # bytes that every machine has: a small file of constants may unpack to more than the usual factor
 #: Whether a file or folder has this name. Unlike `Path.exists`, it is False for an invalid name, such as one too long.
 exists = os.path.exists
 
 
 def read_bytes(path: Path, kind: ErrorKind, most: str = "text_bytes", folder: str | None = None) -> bytes:
-    """Read a whole file.
+    """Read a whole file, unpacked according to its suffix.
 
     Parameters
     ----------
@@ -66,24 +70,30 @@ def read_bytes(path: Path, kind: ErrorKind, most: str = "text_bytes", folder: st
     kind : type of PneudriveError
         Class of the errors.
     most : str
-        Name of the bound on the size of the file.
+        Name of the bound on the size of the file, also when unpacked.
     folder : str, optional
         Text of the remedy if the path is a folder.
 
     Raises
     ------
     PneudriveError
-        The file does not exist, is a folder, a pipe or a device, is not readable, or is too large.
+        The file does not exist, is a folder, a pipe or a device, is not readable, too large, damaged or incomplete.
     """
+    size, data = check_file(path, kind, most, folder), bytearray()
     try:
-        size = check_file(path, kind, most, folder)
-        with path.open("rb") as file:
-            data = file.read(size + 1)
-    except OSError as error:
-        raise unreadable(path, error, kind) from None
-    if len(data) > size:
-        raise kind("the file grew while it was read", where=str(path), remedy="Copy it, then read the copy.")
-    return data
+        if path.suffix not in COMPRESSIONS or size == 0:
+            with path.open("rb") as file:
+                return file.read(size)  # a file that grows is read as it was
+        with cast("BinaryIO", COMPRESSIONS[path.suffix](path)) as file:
+            while piece := file.read(PIECE):  # a file that unpacks to too much is rejected before it fills the memory
+                data += piece
+                check_unpacked(len(data), size, kind, str(path))
+                within(most, len(data), f"the file unpacks to {len(data):,} bytes or more", kind, str(path))
+    except (EOFError, OSError, zlib.error, lzma.LZMAError) as error:
+        if isinstance(error, OSError) and error.errno is not None:
+            raise unreadable(path, error, kind) from None
+        raise kind(f"the file cannot be decompressed: {error}", where=str(path)) from None
+    return bytes(data)
 
 
 def check_file(path: Path, kind: ErrorKind, most: str = "file_bytes", folder: str | None = None) -> int:
@@ -246,46 +256,7 @@ def kind_of_toml(path: Path) -> str:
     return next((kind for kind, mark in _KINDS.items() if mark.search(head)), "other")
 
 
-# --- Plain and compressed text, piece by piece; a file that unpacks to too much is rejected before it fills the
-# memory.
-
-#: Suffix of a file -> its unpacking function.
-COMPRESSIONS: dict[str, Callable[[Path], object]] = {".gz": gzip.open, ".xz": lzma.open, ".bz2": bz2.open}
-PIECE = 1 << 22
-SMALL = 1e8  # bytes that every machine has: a small file of constants may unpack to more than the usual factor
-
-
-def pieces(path: Path, kind: ErrorKind, folder: str | None) -> Iterator[bytes]:
-    """Yield the bytes of a file in pieces, unpacked according to its suffix.
-
-    Parameters
-    ----------
-    path : Path
-    kind : type of PneudriveError
-    folder : str, optional
-        Text of the remedy if the path is a folder.
-
-    Raises
-    ------
-    PneudriveError
-        The file does not exist, is not a plain file, is too large (also when unpacked), damaged or incomplete.
-    """
-    there = check_file(path, kind, folder=folder)
-    packed = path.suffix in COMPRESSIONS and there > 0
-    total = 0
-    try:
-        with cast("BinaryIO", COMPRESSIONS[path.suffix](path)) if packed else path.open("rb") as file:
-            while piece := file.read(PIECE):
-                total += len(piece)
-                if packed:
-                    check_unpacked(total, there, kind, str(path))
-                else:
-                    within("file_bytes", total, "the file grew while it was read", kind, str(path))
-                yield piece
-    except (EOFError, OSError, zlib.error, lzma.LZMAError) as error:
-        if isinstance(error, OSError) and error.errno is not None:
-            raise unreadable(path, error, kind) from None
-        raise kind(f"the file cannot be decompressed: {error}", where=str(path)) from None
+# --- Sizes of files after unpacking.
 
 
 def most_unpacked(packed: int) -> float:

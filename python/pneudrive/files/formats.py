@@ -12,26 +12,22 @@ import math
 import signal
 import sys
 import warnings
+from collections.abc import Callable, Iterator
 from functools import lru_cache
 from importlib import import_module
 from multiprocessing.connection import Connection
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from pneudrive.arrays import Array, Plain
 from pneudrive.errors import PneudriveError, RecordingError
 from pneudrive.files.bounds import bound
 from pneudrive.files.content import check_unpacked
 
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
-
-    from numpy.typing import NDArray
-
-    from pneudrive.arrays import Array, Plain
-
-    Columns = dict[str, NDArray[Any]]
+Columns = dict[str, NDArray[Any]]
 
 MEMORY_OF_SMALL = 500_000_000  # bytes that a small MAT file may take: some copies of `content.SMALL`
 UNIT_OF = "unit of "  # prefix of a column's name: key of its unit in the file's metadata

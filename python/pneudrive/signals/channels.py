@@ -5,29 +5,25 @@ from __future__ import annotations
 import hashlib
 import json
 import math
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pneudrive.errors import CommandError, DescriptionError, LayoutError, RecordingError
 from pneudrive.files.tables import Table, open_table
+from pneudrive.signals.force_calibration import ForceCalibration
 from pneudrive.signals.importer import TEXT_KINDS, names_of, read_channels, read_foreign
+from pneudrive.signals.layout import Column, FileLayout, Layout
 from pneudrive.signals.text_table import sniff_format
 from pneudrive.simulation.trajectory import meaning, save_columns
 from pneudrive.units import converter, is_unit
 
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
-    from pathlib import Path
-
-    from numpy.typing import NDArray
-
-    from pneudrive.signals.force_calibration import ForceCalibration
-    from pneudrive.signals.layout import Column, FileLayout, Layout
-
-    Array = NDArray[Any]
-    Names = dict[str, str]  # by name of a column
+Array = NDArray[Any]
+Names = dict[str, str]  # by name of a column
 
 MOST_CHANNELS = 16
 MOST_COLUMNS = 200

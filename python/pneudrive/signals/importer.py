@@ -9,11 +9,14 @@ from __future__ import annotations
 
 import hashlib
 import math
+from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pneudrive.arrays import Array, Columns, Plain, rows_of
 from pneudrive.errors import DescriptionError, RecordingError, warn
@@ -24,12 +27,6 @@ from pneudrive.signals.columns import SECONDARY, ColumnUnit, chamber_of, header_
 from pneudrive.signals.layout import UNITS, FileLayout
 from pneudrive.signals.text_table import FileForm, ForeignTable, read_bytes, read_text, sniff_format, sniff_text
 from pneudrive.units import converter, suffix
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
-    from pathlib import Path
-
-    from numpy.typing import NDArray
 
 WITH_CLOCKS = ("tdms", "mf4")  # formats in which each channel has its own times
 TEXT_KINDS = frozenset("OSTU")  # kinds of arrays of texts

@@ -3,22 +3,24 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from functools import cached_property, lru_cache, partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, TypeAlias
+from typing import Annotated, Any, ClassVar, Literal, TypeAlias
 
 from pydantic import Field, StrictBool, create_model, model_validator
 
 from pneudrive import units
+from pneudrive.arrays import Array, NamedNumbers, Plain
 from pneudrive.constants import STANDARD_ATMOSPHERE_PA
 from pneudrive.describe import marks
 from pneudrive.describe.base import Described
 from pneudrive.describe.files import toml
 from pneudrive.describe.marks import POSITIVE, Between, Bounds, Percent, Quantity, Reads, Text, Whole, absolute
 from pneudrive.describe.tables.geometry import PistonTable
-from pneudrive.errors import DescriptionError, LayoutError, Problems, invalid, nearest, package_table, wrong
+from pneudrive.errors import DescriptionError, LayoutError, Problems, invalid, package_table, wrong
 from pneudrive.files.content import COMPRESSIONS
 from pneudrive.files.tables import FORMATS
 from pneudrive.friction.friction_map import COLUMNS
@@ -27,12 +29,6 @@ from pneudrive.signals.columns import ColumnUnit, column_unit, uncertainty
 from pneudrive.signals.force_calibration import ForceCalibration, of_quantities
 from pneudrive.signals.text_table import TextForm
 from pneudrive.signals.times import COUNTERS, DATE_TIME, ISO
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
-
-    from pneudrive.arrays import Array, NamedNumbers, Plain
-
 
 #: Kind of recording -> SI units of its channels, required channels, and requirements in words.
 KINDS: dict[str, Plain] = package_table(__file__, "columns.toml")["kinds"]
@@ -548,9 +544,6 @@ class Layout(Shown):
             if not isinstance(override.get("match"), str):
                 what = "[[for]] does not say which files it is for"
                 problems.add(self.fail(wrong(f"for.{index}", what, remedy='match = "*257*"')))
-        if self.kind not in list(KINDS):
-            remedy = nearest(str(self.kind), KINDS)
-            raise self.fail(wrong("kind", f"kind = {self.kind!r} is not known", remedy=remedy))  # of unknown needs
         for chosen in ([], *([index] for index in range(len(overrides)))):
             with problems.caught():
                 self.read(chosen, is_part=bool(overrides))

@@ -230,15 +230,17 @@ def layout_beside(file: Path) -> Layout:
     raise RecordingError("there is no layout for this file", where=str(file), remedy=MISSING_LAYOUT)
 
 
-def load_recording(path: Path, layout: Layout, kind: str = "rig") -> Recording:
-    """Read one file through a layout. For a drive, the force is zero if it was not measured.
+def load_recording(path: Path, layout: Layout | None) -> Recording:
+    """Read one file through a layout, or a trajectory file (.parquet, .csv, .nc) without a layout.
+
+    For a drive, the force is zero if it was not measured.
 
     Raises
     ------
     RecordingError, LayoutError
         As for `load_recordings`.
     """
-    return RecordingFile(path, layout, stem(path), kind).read()
+    return RecordingFile(path, layout, stem(path), "rig" if layout is None else layout.kind).read()
 
 
 BATCH_SAMPLES = 2_000_000  # samples that a worker holds at once: about 100 MB with its copies
@@ -358,14 +360,3 @@ def is_trajectory(path: Path) -> bool:
         The file does not exist or is damaged.
     """
     return len(columns_in(path, COLUMNS)) == len(COLUMNS)
-
-
-def read_trajectory(path: Path, name: str) -> Recording:
-    """Read a trajectory file (.parquet, .csv, .nc) as a recording.
-
-    Raises
-    ------
-    RecordingError
-        The file is damaged, or a column does not hold numbers.
-    """
-    return from_trajectory(read_columns(path, COLUMNS), name, path)

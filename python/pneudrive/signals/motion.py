@@ -2,22 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from pneudrive import _core
+from pneudrive.arrays import Array, Bools, Ints, Pair
 from pneudrive.errors import RecordingError
 
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from pneudrive.arrays import Array, Bools, Ints, Pair
-
-    Levels = list[list["Stroke"]]  # strokes of one speed, slowest first
-
+Levels = list[list["Stroke"]]  # strokes of one speed, slowest first
 
 MINIMUM_SAMPLES = 20
 # A reversal counts if the position retreats by this fraction of the whole travel.

@@ -16,16 +16,13 @@ parameters of each chamber are L (volume at the reversal over area), k, initial 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pneudrive.arrays import Array
 from pneudrive.constants import ANR_TEMPERATURE_K
 from pneudrive.estimate.estimates import student
-
-if TYPE_CHECKING:
-    from pneudrive.arrays import Array
-    from pneudrive.signals.recording import Recording
+from pneudrive.signals.recording import Recording
 
 PRESSURES = ("pressure_a_pa", "pressure_b_pa")
 GAMMA = 1.4  # ratio of specific heats of air and nitrogen

@@ -6,10 +6,10 @@ import math
 import re
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pneudrive.arrays import Array
 from pneudrive.describe.files.toml import value_text
 from pneudrive.errors import PneudriveError, RecordingError
 from pneudrive.files.content import rendered
@@ -20,13 +20,10 @@ from pneudrive.signals.importer import read_foreign
 from pneudrive.signals.layout import Layout, stem
 from pneudrive.signals.load import RecordingFile, find_cycles
 from pneudrive.signals.motion import Stroke, find_strokes
+from pneudrive.signals.recording import Recording
 from pneudrive.signals.roles import Guess, RoleSearch
+from pneudrive.signals.text_table import FileForm
 from pneudrive.units import converter
-
-if TYPE_CHECKING:
-    from pneudrive.arrays import Array
-    from pneudrive.signals.recording import Recording
-    from pneudrive.signals.text_table import FileForm
 
 STAGES = 3
 MOST_TAGS = 100  # different texts that name the channels of a table with one row for each value

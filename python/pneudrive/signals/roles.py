@@ -2,23 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pneudrive.arrays import Array
 from pneudrive.describe.files.toml import value_text
 from pneudrive.signals import columns as headers
 from pneudrive.signals.columns import NAME, PHYSICS, ROLES, SECONDARY, UNIT, Candidate, FileColumn, words_of
 from pneudrive.signals.motion import FEWEST, Directions, is_held, resolution, same_signal, unevenness
+from pneudrive.signals.text_table import FileForm
 from pneudrive.signals.times import COUNTERS, DATE_TIME, clocks_of, filled, on_clock, samples_of_a_stamp, unwrapped
 from pneudrive.units import converter
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Sequence
-
-    from pneudrive.arrays import Array
-    from pneudrive.signals.text_table import FileForm
 
 CLEAR = 1.0  # least difference of the weights of two candidates; swings with the direction weigh by their logarithm
 CLEAR_STROKES = 0.5  # the same of two signals, in unevenness

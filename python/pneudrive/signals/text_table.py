@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.errors import RecordingError
+from pneudrive.files import content
 from pneudrive.files.bounds import bound, within
-from pneudrive.files.content import COMPRESSIONS, check_file, pieces
 from pneudrive.signals.columns import RATE, SAMPLES, STEP, header_unit, role_of
 from pneudrive.signals.times import guess_form, looks_like_date_time, seconds
 
@@ -87,7 +87,7 @@ class ForeignTable:
 
 def read_bytes(path: Path) -> bytes:
     """Read a file, decompressed according to its suffix; all failures are a `RecordingError`."""
-    data = b"".join(pieces(path, RecordingError, folder="name the files, as in folder/*.csv"))
+    data = content.read_bytes(path, RecordingError, "file_bytes", folder="name the files, as in folder/*.csv")
     if not data.strip():
         raise RecordingError("the file is empty", where=str(path))
     most, begin = int(bound("line_bytes")), 0
@@ -352,8 +352,7 @@ def _fields(rows: Lines, form: TextForm, places: dict[str, int], texts: Set[str]
 SAMPLED_LINES = 400
 FEW_LINES = 40  # that reject most readings
 SAMPLED_FIELDS = 8000
-MOSTLY = 0.95  # least share of lines with numbers for a valid reading
-SEGMENTED = 0.5  # the same for a file whose header comes again and again
+SEGMENTED = 0.5  # least share of lines with numbers for a valid reading: headers may come again and again
 # First bytes of formats that are not text.
 MAGIC = {b"PAR1": "parquet", b"\x89HDF": "netcdf", b"TDSm": "tdms", b"MDF ": "mf4", b"MATL": "mat"}
 DELIMITERS: tuple[str | None, ...] = ("\t", ";", ",", "|", None)
@@ -407,14 +406,11 @@ class _Reading:
 
 def sniff_format(path: Path) -> str:
     """Return the format from the first bytes; ``csv`` for text."""
-    check_file(path, RecordingError)
-    if path.suffix in COMPRESSIONS:
+    content.check_file(path, RecordingError)
+    if path.suffix in content.COMPRESSIONS:
         return "csv"
     with path.open("rb") as file:
-        head = file.read(4)
-    if head == b"\x89HDF" and path.suffix == ".mat":
-        return "mat"
-    return MAGIC.get(head, "csv")
+        return MAGIC.get(file.read(4), "csv")
 
 
 def sniff_text(path: Path, data: bytes) -> FileForm:
@@ -429,17 +425,15 @@ def sniff_text(path: Path, data: bytes) -> FileForm:
     tail = [line for line in lines if line.strip() and not line.startswith("#")]
     sample = _sample(tail)
     readings = [_read(sample, form) for form in _candidates(sample) if sample]
-    readings = [reading for reading in readings if reading.width - len(reading.words) >= 2]
-    for least in (MOSTLY, SEGMENTED):
-        fit = [reading for reading in readings if reading.share >= least]
-        # White space is also used inside dates. It is the delimiter only without other signs.
-        fit = [one for one in fit if one.form.delimiter is not None] or fit
-        if fit:
-            worth = max(one.worth for one in fit)
-            # Among equals the earlier candidate wins: it has fewer separators.
-            fit = [one for one in fit if one.worth > worth - 1e-9]
-            _refuse_ambiguous(fit, sample, path)
-            return _with_header(lines, fit[0])
+    fit = [one for one in readings if one.width - len(one.words) >= 2 and one.share >= SEGMENTED]
+    # White space is also used inside dates. It is the delimiter only without other signs.
+    fit = [one for one in fit if one.form.delimiter is not None] or fit
+    if fit:
+        worth = max(one.worth for one in fit)
+        # Among equals the earlier candidate wins: it has fewer separators.
+        fit = [one for one in fit if one.worth > worth - 1e-9]
+        _refuse_ambiguous(fit, sample, path)
+        return _with_header(lines, fit[0])
     cells = [found for line in sample[:FEW_LINES] for found in _CELL.finditer(line)]
     if unit := next((found for found in cells if (named := header_unit(found[1])) and named.si), None):
         raise RecordingError.of("signals.units-in-cells", where=str(path), value=unit[0])
@@ -528,14 +522,14 @@ def _with_header(lines: Lines, reading: _Reading) -> FileForm:
     nothing = 0, [], replace(form, header=False)
     skip, names, form = max(named, key=lambda row: (roles[row[0]], row[0] < of_units, row[0]), default=nothing)
     form = replace(form, skip_lines=skip if form.header else first)
-    ends = [split_row(line, form.delimiter) for line in (lines[first], *lines[-SAMPLED_LINES:])]
-    dates, ends = {}, [row for row in ends if len(row) == width]
+    ends = (*lines[first : first + SAMPLED_LINES], *lines[-SAMPLED_LINES:])
+    numbers = [row for line in ends if len(row := split_row(line, form.delimiter)) == width]
+    dates = {}
     for column in range(width):
-        texts = [row[column] for row in ends if looks_like_date_time(row[column])]
-        if 2 * len(texts) > len(ends) and (written := guess_form(texts)) is not None:
+        texts = [row[column] for row in numbers if looks_like_date_time(row[column])]
+        if 2 * len(texts) > len(numbers) and (written := guess_form(texts)) is not None:
             dates[column] = written
-    some = [row for line in lines[first:][:SAMPLED_LINES] if len(row := split_row(line, form.delimiter)) == width]
-    words = {at: len({row[at] for row in some}) for at in reading.words}
+    words = {at: len({row[at] for row in numbers}) for at in reading.words}
     units = (units if named else []) or stated
     return FileForm("csv", form, names, units, width, dates, words, steps_s, starts_differ, source)
 

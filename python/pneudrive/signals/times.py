@@ -3,19 +3,14 @@
 from __future__ import annotations
 
 import re
-from typing import TYPE_CHECKING
+from collections.abc import Iterable, Sequence
+from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
+from pneudrive.arrays import Array, Ints
 from pneudrive.errors import RecordingError
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
-    from pathlib import Path
-
-    from numpy.typing import NDArray
-
-    from pneudrive.arrays import Array, Ints
 
 DATE_TIME = "date-time"  # the unit of such a column in a layout
 ISO = ""  # format of ISO 8601; the time of day may stand alone

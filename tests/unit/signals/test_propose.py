@@ -248,11 +248,6 @@ def test_dots_that_separate_thousands(tmp_path):
     assert proposal.kind == "fixed-volume"
 
 
-def test_no_such_file(tmp_path):
-    with pytest.raises(RecordingError, match="no such file"):
-        propose_layout(tmp_path / "none.csv")
-
-
 @pytest.mark.parametrize(
     ("content", "words"),
     [(b"", "empty"), (b"# only\n# remarks\n", "no table of numbers"), (bytes(range(256)) * 9, "binary")],

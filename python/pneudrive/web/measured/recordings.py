@@ -23,7 +23,7 @@ from pneudrive.progress import Watch
 from pneudrive.signals.channels import ChannelFile, amplitude_density, open_channels, pairs
 from pneudrive.signals.drive_recording import NEEDED
 from pneudrive.signals.layout import Layout, stem
-from pneudrive.signals.load import is_trajectory, load_recording, read_trajectory
+from pneudrive.signals.load import is_trajectory, load_recording
 from pneudrive.signals.motion import find_strokes
 from pneudrive.signals.recording import clean
 from pneudrive.simulation.trajectory import SUFFIXES, columns_in
@@ -322,7 +322,7 @@ def shown_strokes(workspace: Workspace, path: str) -> Plain:
         return {**nothing, "note": note}
     if layout is not None and layout.kind == "fixed-volume":
         return nothing
-    recording = read_trajectory(file, file.stem) if layout is None else load_recording(file, layout, layout.kind)
+    recording = load_recording(file, layout)
     times = recording.time_s
     strokes = [
         {
