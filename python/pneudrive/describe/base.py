@@ -158,13 +158,11 @@ class Described(Shown, BaseModel):
         if first["type"] == "extra_forbidden":
             name = str(first["loc"][-1])
             inner = [one.removeprefix(f"{name}_") for one in cls.keys() if one.startswith(f"{name}_")]  # noqa: SIM118 - a class method
-            if len(inner) == 1 or (inner and isinstance(first["input"], dict)):
-                meant = " or ".join(f"'{name}_{one}'" for one in inner)
-                return wrong(key, f"{key} is not a known key", remedy=f"Did you mean {meant}?")
-            if inner:
+            if len(inner) > 1 and not isinstance(first["input"], dict):
                 what = f"{key} = {first['input']!r} is not a table"
                 return wrong(key, what, remedy=f"Write {{ {', '.join(f'{one} = ...' for one in inner)} }}.")
-            return wrong(key, f"{key} is not a known key", remedy=cls.elsewhere.get(name) or nearest(name, cls.keys()))
+            known = nearest(f"{name}_{inner[0]}" if inner else name, cls.keys())
+            return wrong(key, f"{key} is not a known key", remedy=cls.elsewhere.get(name, known))
         if first["type"] == "missing":
             return wrong(key, f"{key} is missing", remedy=cls.example(str(first["loc"][-1])))
         if first["type"] == "literal_error":
@@ -191,24 +189,26 @@ class Described(Shown, BaseModel):
     @classmethod
     def example(cls, alias: str) -> str | None:
         """Return a remedy that shows how to write a missing key."""
-        for name, field in cls.model_fields.items():
-            if alias in {name, field.alias}:
-                if field.examples:
-                    return f'Add {alias} = "{field.examples[0]}".'
-                for mark in field.metadata:
-                    if isinstance(mark, Quantity):
-                        return f"Add {alias} = ...: {units.needed(mark.si_unit) if mark.si_unit else 'a number'}."
-                    if isinstance(mark, StatedPressure):
-                        return f"Add {alias} = ...: {units.PRESSURE_NEEDED}."
-                if own := getattr(field.annotation, "model_fields", {}).values():
-                    keys = [f'{one.alias} = "{one.examples[0]}"' for one in own if one.is_required() and one.examples]
-                    return f"Add a table [{alias}]{' with ' * bool(keys)}{', '.join(keys)}."
+        field = cls._field(alias)
+        mark = mark_of(field)
+        if field.examples:
+            return f'Add {alias} = "{field.examples[0]}".'
+        if isinstance(mark, Quantity | StatedPressure):
+            return f"Add {alias} = ...: {mark.rule}."
+        if own := getattr(field.annotation, "model_fields", {}).values():
+            keys = [f'{one.alias} = "{one.examples[0]}"' for one in own if one.is_required() and one.examples]
+            return f"Add a table [{alias}]{' with ' * bool(keys)}{', '.join(keys)}."
         return f"Add {alias} = ..."
+
+    @classmethod
+    def _field(cls, key: str) -> FieldInfo:
+        """Return the field with a name, or with a key in files."""
+        return next(field for name, field in cls.model_fields.items() if key in {name, field.alias})
 
     @classmethod
     def default(cls, key: str) -> Any:  # noqa: ANN401 - any kind of value
         """Return the default of a key in the form that users write."""
-        field = next(field for name, field in cls.model_fields.items() if key in {name, field.alias})
+        field = cls._field(key)
         mark = mark_of(field)
         return field.default if mark is None else mark.show(field.default)
 

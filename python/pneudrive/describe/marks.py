@@ -126,6 +126,11 @@ class Quantity(Mark):
     bounds: Bounds = Bounds()
 
     @property
+    def rule(self) -> str:
+        """Rule for a message about a missing value."""
+        return units.needed(self.si_unit) if self.si_unit else "a number is needed"
+
+    @property
     def ends(self) -> Interval:
         """Lower and upper bound of the value in SI."""
         return self.bounds.ends
@@ -144,7 +149,7 @@ class Quantity(Mark):
                 raise DescriptionError(f"{given!r} is out of bounds", rule=rule)
             return value
         if not isinstance(given, str | UnitFloat):
-            raise DescriptionError(f"{given!r} has no unit", rule=units.needed(self.si_unit))
+            raise DescriptionError(f"{given!r} has no unit", rule=self.rule)
         value = units.parse(given, self.si_unit) if isinstance(given, str) else given.si_as(self.si_unit)
         rule = self.bounds.broken(value, lambda end: f"{UnitFloat(end, self.si_unit, self.written if end else None):g}")
         if rule:
@@ -179,34 +184,26 @@ class Quantity(Mark):
 class EachChamber(Quantity):
     """Annotation of a field that takes ``{ a = ..., b = ... }`` and stores a `PerChamber`."""
 
+    @property
+    def each(self) -> Quantity:
+        """Annotation of the value of one chamber."""
+        return Quantity(self.si_unit, self.written, self.bounds)
+
     def read(self, given: object) -> PerChamber:  # type: ignore[override]
         """Convert and check both values."""
         if isinstance(given, PerChamber):
             given = self.show(given)
-        if not isinstance(given, dict):
+        if not isinstance(given, dict) or given.keys() != {"a", "b"}:
             raise DescriptionError(f"{given!r} is not one value for each chamber", remedy="Write { a = ..., b = ... }.")
-        for key in given:
-            if key not in {"a", "b"}:
-                raise wrong(str(key), f"'{key}' is not a chamber", remedy=nearest(str(key), ["a", "b"]))
-        values = []
-        for chamber in ("a", "b"):
-            if chamber not in given:
-                raise DescriptionError(f"chamber {chamber} is missing", remedy="Write { a = ..., b = ... }.")
-            try:
-                values.append(super().read(given[chamber]))
-            except DescriptionError as error:
-                error.key = chamber
-                raise
-        return PerChamber(*values)
+        return PerChamber(*(self.each.read_at(chamber, given[chamber]) for chamber in "ab"))
 
     def show(self, value: PerChamber) -> dict[str, str]:  # type: ignore[override]
         """Return both values in the form that users write."""
-        return {chamber: units.write(one, self.si_unit, self.written) for chamber, one in value._asdict().items()}
+        return {chamber: str(self.each.show(one)) for chamber, one in value._asdict().items()}
 
     def schema(self) -> Plain:
         """Return the JSON schema of a table with two quantities."""
-        one = super().schema()
-        return table_schema({"a": one, "b": one}, ["a", "b"])
+        return table_schema(dict.fromkeys("ab", self.each.schema()), ["a", "b"])
 
 
 @dataclass(frozen=True)
@@ -216,13 +213,14 @@ class StatedPressure(Mark):
     gauge_allowed: bool = True
 
     ends: ClassVar[Interval] = (0.0, math.inf)
+    rule: ClassVar[str] = units.PRESSURE_NEEDED
 
     def read(self, given: object) -> Pressure:
         """Convert and check a pressure. An absolute pressure must be above zero."""
         if isinstance(given, Pressure):
             return given
         if not isinstance(given, str):
-            raise DescriptionError(f"{given!r} has no unit", rule=units.PRESSURE_NEEDED)
+            raise DescriptionError(f"{given!r} has no unit", rule=self.rule)
         pressure = units.parse_pressure(given, gauge_allowed=self.gauge_allowed)
         if pressure.gauge and not self.gauge_allowed:
             raise DescriptionError(f'the ambient pressure "{given}" must be absolute', remedy='Write "... abs".')
@@ -366,8 +364,6 @@ class Between(Quantity):
 
     def read(self, given: object) -> Interval:  # type: ignore[override]
         """Convert and check a range."""
-        if not isinstance(given, str):
-            raise DescriptionError(f"{given!r} is not a range", rule=units.needed(self.si_unit))
         return units.parse_range(given, self.si_unit)
 
     def show(self, value: Interval) -> str:  # type: ignore[override]
@@ -384,10 +380,8 @@ class PressureBetween(StatedPressure):
 
     def read(self, given: object) -> tuple[Pressure, Pressure]:  # type: ignore[override]
         """Convert and check a range of pressures."""
-        ends = given.split("..") if isinstance(given, str) else []
-        if len(ends) != 2:
-            raise DescriptionError(f'"{given}" is not a range', remedy='Write "0 bar gauge .. 10 bar gauge".')
-        low, high = (super(PressureBetween, self).read(end.strip()) for end in ends)
+        ends = units.split_range(given, "0 bar gauge .. 10 bar gauge")
+        low, high = map(super().read, ends)
         if low.gauge == high.gauge and not low.value_pa < high.value_pa:
             raise DescriptionError(f'range "{given}" is empty', rule="the first end must be below the second")
         return low, high
@@ -591,9 +585,7 @@ class Positions(NamedTuple):
 def _signal(given: object) -> Signal:
     if isinstance(given, Signal):
         return given
-    if not isinstance(given, str):
-        raise DescriptionError(f"{given!r} is not a range", remedy=f"Write {_FORM}.")
-    si_unit = "A" if given.rstrip().endswith("A") else "V"
+    si_unit = "A" if str(given).rstrip().endswith("A") else "V"
     try:
         return Signal(*units.parse_range(given, si_unit), si_unit)
     except DescriptionError as error:

@@ -314,7 +314,21 @@ def parse_pressure(text: str, *, gauge_allowed: bool = True) -> Pressure:
     raise DescriptionError.of("units.abs-or-gauge", text=text, number=number, unit=unit, remedy=remedy)
 
 
-def parse_range(text: str, si_unit: str) -> tuple[float, float]:
+def split_range(given: object, example: str = "5 mm .. 30 mm") -> list[str]:
+    """Split the text of a range into its two ends.
+
+    Raises
+    ------
+    DescriptionError
+        The value is not a text of two ends; the message gives the example.
+    """
+    ends = given.split("..") if isinstance(given, str) else []
+    if len(ends) != 2:
+        raise DescriptionError(f'"{given}" is not a range', remedy=f'Write two quantities, e.g. "{example}".')
+    return [end.strip() for end in ends]
+
+
+def parse_range(text: object, si_unit: str) -> tuple[float, float]:
     """Read ``"5 mm .. 30 mm"`` as two SI values, the lower one first.
 
     Raises
@@ -322,10 +336,7 @@ def parse_range(text: str, si_unit: str) -> tuple[float, float]:
     DescriptionError
         The text does not have two quantities, or the first is not less than the second.
     """
-    ends = text.split("..")
-    if len(ends) != 2:
-        raise DescriptionError(f'"{text}" is not a range', remedy='Write two quantities, e.g. "5 mm .. 30 mm".')
-    low, high = (parse(end.strip(), si_unit) for end in ends)
+    low, high = (parse(end, si_unit) for end in split_range(text))
     if not low < high:
         raise DescriptionError(f'range "{text}" is empty', rule="the first end must be below the second")
     return low, high

@@ -245,9 +245,7 @@ class Friction(Described):
             if key in values or (default is not None and math.isinf(default)):
                 continue  # an infinite default means that the effect is absent, and so is the value
             if default is None:
-                si_unit = parameter_quantity(parameter).si_unit
-                needed = units.needed(si_unit) if si_unit else "a number"
-                remedy = ": ".join(filter(None, (parameter["meaning"], needed)))
+                remedy = ": ".join(filter(None, (parameter["meaning"], parameter_quantity(parameter).rule)))
                 remedy = f"{remedy[0].upper()}{remedy[1:]}."
                 raise wrong(f"friction.{key}", f'friction.{key} is missing; law "{name}" needs it', remedy=remedy)
             values[key] = default
