@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from pneudrive.errors import CommandError
 from pneudrive.files.content import _KINDS, FOLDERS
-from pneudrive.web.workspace import ChangedError, Workspace, fingerprint
+from pneudrive.web.workspace import SUFFIXES, ChangedError, Workspace, fingerprint
 
 PARTS = [
     *("..", ".", "", "a", "b.toml", "link", "out.toml", "...", "..\\", "/", "\0", "%2e%2e"),
@@ -41,7 +41,7 @@ def escapes(workspace: Workspace, name: str) -> bool:
     except CommandError:
         return False
     real = os.path.realpath(found)
-    return os.path.commonpath([real, workspace.root]) != str(workspace.root) or not real.endswith(".toml")
+    return os.path.commonpath([real, workspace.root]) != str(workspace.root) or not real.lower().endswith(SUFFIXES)
 
 
 @settings(max_examples=200, deadline=None)
@@ -53,6 +53,8 @@ def escapes(workspace: Workspace, name: str) -> bool:
 @example("/etc/passwd.toml")
 @example("a/../../b.toml")
 @example("x" * 300 + ".toml")
+@example("0.XZ")
+@example("b.sh")
 def test_no_name_escapes(folder: Path, name: str) -> None:
     assert not escapes(Workspace.at(folder), name)
 
