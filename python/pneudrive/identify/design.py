@@ -303,10 +303,6 @@ def _statements(
         yield from [_sentence("no_better", best)] if recommended is not best else []
     else:
         yield _sentence("follows", recommended, simple=simple.title, scale=simple.fit.statistics["scale"])
-    criteria = [row.fit.statistics["aicc"] for row in rows]
-    smallest = rows[int(np.argmin(criteria))]
-    if smallest is not recommended and np.isfinite([*criteria, smallest.error]).all():
-        yield _sentence("criterion", smallest)
     lines = [row for row in rows if row.pressure == "linear" and row.name == recommended.name]
     gained = bool(lines) and abs(recommended.worst) < CURVED * abs(lines[0].worst)
     if gained and recommended.pressure != "linear" and abs(lines[0].worst) > MISSED:

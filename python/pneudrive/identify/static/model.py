@@ -490,10 +490,6 @@ class AnyLaw(StaticLaw):
         by_key = {p["key"]: p for p in self.friction.entry["parameters"]}
         return [by_key[n] for n in self.names]
 
-    def __str__(self) -> str:
-        """Return the law's name."""
-        return self.friction.law
-
 
 # --- Selection of the independent values of a friction map for a fit.
 
@@ -684,8 +680,6 @@ MOST_RECORDINGS = 50
 
 def recordings_of(friction_map: xr.Dataset) -> list[str]:
     """Return the names of the recordings of a map."""
-    if "recording" not in friction_map:
-        return []
     names = list(dict.fromkeys(str(name) for name in friction_map["recording"].to_numpy()))
     return names if len(names) <= MOST_RECORDINGS else [f"{len(names)} recordings from {names[0]} to {names[-1]}"]
 

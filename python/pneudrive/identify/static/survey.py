@@ -78,11 +78,6 @@ class Surveyed:
     columns: Array
     rest: Array
 
-    @property
-    def model(self) -> FrictionModel:
-        """Law of the fit."""
-        return self.fit.model
-
 
 @dataclass(frozen=True, repr=False)
 class Survey(Shown):
@@ -158,7 +153,7 @@ class Survey(Shown):
         at, one = at_conditions(speed_m_s, gauge_a_pa, gauge_b_pa), self.seals[seal]
         shape = np.broadcast(speed_m_s, gauge_a_pa, gauge_b_pa).shape
         off = [np.abs(there - here.mean()) for there, here in zip(at.gauges_pa, one.data.gauges_pa, strict=True)]
-        if not one.model.chambers and (np.array(off) > 4.0 * SAME_PRESSURE_PA).any():
+        if not one.fit.model.chambers and (np.array(off) > 4.0 * SAME_PRESSURE_PA).any():
             value, variance = self._borrowed(one, at)
         else:
             value, variance = self._kriged(one, at, run)
@@ -181,11 +176,11 @@ class Survey(Shown):
 
     def _kriged(self, one: Surveyed, at: Observations, run: str | None = None) -> ArrayPair:
         """Return predictions and their variances for each roughness and both scatters, shape (11, 9, 20, n)."""
-        mean, jac = one.model.value_and_jacobian(one.theta, at)
+        mean, jac = one.fit.model.value_and_jacobian(one.theta, at)
         drift = jac / mean[:, None]
-        inside = _kernel(one.model, one.data, one.data, self.span_pa)
-        across = _kernel(one.model, at, one.data, self.span_pa)
-        own = np.diag(_kernel(one.model, at, at, self.span_pa))
+        inside = _kernel(one.fit.model, one.data, one.data, self.span_pa)
+        across = _kernel(one.fit.model, at, one.data, self.span_pa)
+        own = np.diag(_kernel(one.fit.model, at, at, self.span_pa))
         with_it = np.array([r == run for r in one.runs], dtype=float)
         value, variance = np.empty((2, ROUGHNESS.size, BETWEEN_RUNS.size, SCATTER.size, len(at)))
         for i, roughness in enumerate(ROUGHNESS):
@@ -204,13 +199,13 @@ class Survey(Shown):
     def _borrowed(self, one: Surveyed, at: Observations) -> ArrayPair:
         """Predict the friction of a seal measured at only one pressure, from the friction ratios of other seals."""
         here = at_conditions(at.speed_m_s, *(gauge.mean() for gauge in one.data.gauges_pa))
-        dependent = (seal for seal in self.seals.values() if seal.model.chambers)
+        dependent = (seal for seal in self.seals.values() if seal.fit.model.chambers)
         ratios = [self._most_likely(seal, at) / self._most_likely(seal, here) for seal in dependent]
         others = [ratio for ratio in ratios if (ratio > 0.0).all()]
         if len(others) < LEAST_FREEDOM:
             raise FitError.of("identify.one_pressure", name=one.name, least=LEAST_FREEDOM)
         ratio = np.log(others)
-        value = one.model.value(one.theta, at) * np.exp(ratio.mean(axis=0))
+        value = one.fit.model.value(one.theta, at) * np.exp(ratio.mean(axis=0))
         between = ratio.var(axis=0, ddof=1) * (1.0 + 1.0 / len(others))
         runs = (BETWEEN_RUNS**2)[:, None] + (SCATTER**2)[None, :]
         variance = between + runs[..., None] * (1.0 + 1.0 / len(one.data))
@@ -326,7 +321,7 @@ def _least_squares(one: Surveyed, kernel: Array, roughness: float) -> tuple[Arra
 
 def _restricted(one: Surveyed, span: float) -> Array:
     """Return the logarithm of the restricted likelihood of one seal on the grids, shape (11, 9, 20)."""
-    kernel = _kernel(one.model, one.data, one.data, span)
+    kernel = _kernel(one.fit.model, one.data, one.data, span)
     size = np.linalg.norm(one.columns, axis=0)
     scaled = one.columns / np.where(size > 0.0, size, 1.0)
     out = np.empty((ROUGHNESS.size, BETWEEN_RUNS.size, SCATTER.size))
