@@ -199,14 +199,14 @@ def apply_identified(
         A value is not valid for the drive.
     """
     changes: Plain = dict(tables or {})
-    if beside is not None:
-        forces = {f"friction.{name}": force for name, force in beside.sliding.items()}
-        values, ends = dict(found.values), dict(found.intervals)
-        for name in forces.keys() & values.keys():
-            values[name] -= forces[name]
-            if name in ends:
-                ends[name] = ends[name][0] - forces[name], ends[name][1] - forces[name]
-        found = replace(found, values=values, intervals=ends)
+    modifiers = beside or Dependences()
+    forces = {f"friction.{name}": force for name, force in modifiers.sliding.items()}
+    values, ends = dict(found.values), dict(found.intervals)
+    for name in forces.keys() & values.keys():
+        values[name] -= forces[name]
+        if name in ends:
+            ends[name] = ends[name][0] - forces[name], ends[name][1] - forces[name]
+    found = replace(found, values=values, intervals=ends)
     law = changes.get("friction.law")
     if isinstance(drive, Circuit):
         known = {name: number.mark for name, number in circuit_numbers(drive).items()}
@@ -229,16 +229,14 @@ def apply_identified(
     changes |= _within_limits(found, drive, changes)
     if law is None:
         changes |= _assumed(found, drive)
-    if beside is not None:
-        changes |= {f"friction.{key}": table for key, table in beside.friction.items()}
+    changes |= {f"friction.{key}": table for key, table in modifiers.friction.items()}
     after = drive.replace(changes)
     marks = provenance.marks(after)
     origins = found.origins(marks)
-    if beside is not None:
-        values = {name: value for name, (value, *_) in beside.intervals.items()}
-        inside = {name: (low, high) for name, (_, low, high) in beside.intervals.items() if name in marks}
-        measured = replace(found, values=values, intervals=inside, recordings=(beside.source,))
-        origins |= measured.origins(marks)
+    values = {name: value for name, (value, *_) in modifiers.intervals.items()}
+    inside = {name: (low, high) for name, (_, low, high) in modifiers.intervals.items() if name in marks}
+    measured = replace(found, values=values, intervals=inside, recordings=(modifiers.source,))
+    origins |= measured.origins(marks)
     origins = {name: origin for name, origin in origins.items() if name not in own}
     return after.replace({"provenance": origins}).read_from(found.file)
 

@@ -31,7 +31,7 @@ from pneudrive.free.parameters import DriveFamily, Parameter
 from pneudrive.identify.base import Fit, FitFile, Undetermined, recording_tables
 from pneudrive.identify.dynamic.fit import noise_of, solve
 from pneudrive.identify.dynamic.problem import FitProblem, FittedRecording, Iterate
-from pneudrive.identify.dynamic.result import CORRELATED, LARGEST_REACH, applied_note, named_value, warn_of_mixture
+from pneudrive.identify.dynamic.result import LARGEST_REACH, applied_note, named_value, warn_of_mixture
 from pneudrive.identify.dynamic.search import Misfit, SearchOptions, Solved, join_segments, profile, solution
 from pneudrive.identify.dynamic.sensors import Channel
 from pneudrive.identify.identified import FittedData, number_table, sentence, sentences, written_as
@@ -254,12 +254,9 @@ class TankFamily(DriveFamily):
         """Run segments under the opening of the line. A start consists of pressure and temperature of the volume."""
         of = [0 if name.endswith(".pressure_pa") else 1 for name in core.segment_names]
         together = [[i for i, own in enumerate(of) if own == quantity] for quantity in (0, 1)]
-        by_start = asked["with_initial"]
-        if by_start is not False:
-            by_start = together if by_start is True else [together[own] for own in by_start]
         asked = asked | {
             "initial": np.ascontiguousarray(asked["initial"][:, of]),
-            "with_initial": by_start,
+            "with_initial": together if asked["with_initial"] else False,
             "outputs": [self._columns[column] for column in asked["outputs"]],
         }
         found = core.shoot(self._command, asked, look)
@@ -334,7 +331,7 @@ def _result(
     interrupted: list[str],
 ) -> VolumeFit:
     problem = solved.problem
-    values = problem.named(solved.at.point.eta)
+    values = by_name(problem.names, solved.values)
     intervals: NamedIntervals = {}
     for name in problem.names if solved.converged else ():  # over all minima, relative to the cost of the best one
         ends = [profile(minimum, name, least=solved.at.cost) for minimum in (solved, *others)]
@@ -359,7 +356,7 @@ def _result(
         covariance=solved.covariance,
         intervals=intervals,
         undetermined=(*held, *lost),
-        notes=(*_notes(tank, solved, others, tau, interrupted), *applied_note(solved, {u.parameter for u in lost})),
+        notes=(*_notes(tank, solved, others, interrupted), *applied_note(solved, {u.parameter for u in lost})),
         statistics={
             "samples": float(off.size),
             "rms.pressure": rms(off),
@@ -404,13 +401,7 @@ def _lost(
     return Undetermined(name, reason, sentences("tank")[name])
 
 
-def _notes(
-    tank: Tank,
-    solved: Solved,
-    others: list[Solved],
-    tau: float,
-    interrupted: list[str],
-) -> list[str]:
+def _notes(tank: Tank, solved: Solved, others: list[Solved], interrupted: list[str]) -> list[str]:
     notes = []
     if tank.line is not None and tank.line.linear_above == SHORT_REGION:
         notes.append(f"line.linear_above = {SHORT_REGION:g} fits the end of the recordings better than the default")
@@ -420,8 +411,6 @@ def _notes(
         notes.append(sentence("notes", "wall_start", kelvin=tank.start_temperature_k))
     if solved.missed:
         notes.append(sentence("notes", "tank_misfit", ratio=max(solved.missed.values())))
-    elif tau > CORRELATED:
-        notes.append(f"residuals are correlated over {tau:.0f} samples; the intervals allow for this")
     for minimum in others:
         values = zip(minimum.problem.parameters, minimum.values, strict=True)
         words = ", ".join(named_value(p.name, value, p.unit, 3) for p, value in values)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pneudrive.arrays import Array, ArrayPair, Bools, Ints, NamedNumbers, by_name
+from pneudrive.arrays import Array, ArrayPair, Bools, Ints, NamedNumbers
 from pneudrive.describe import Circuit, Drive
 from pneudrive.errors import FitError
 from pneudrive.free.parameters import COMMAND_STEPS, DriveFamily, Parameter, at_rest
@@ -307,10 +307,6 @@ class FitProblem:
     def values(self, eta: Array) -> Array:
         """Return the free values of the drive and the sensors, in SI."""
         return self.transforms.natural(eta)
-
-    def named(self, eta: Array) -> NamedNumbers:
-        """Return the free values by name, in SI."""
-        return by_name(self.names, self.values(eta))
 
     def rms(self, residuals: list[Array]) -> NamedNumbers:
         """Return the root mean square of each channel's residuals, in SI."""
