@@ -150,36 +150,29 @@ class Mismatch(Described):
 #: A mismatch, the name of one of the package, or a TOML file.
 MismatchOrFile: TypeAlias = Mismatch | str | Path
 
-#: Parameters that a factor of the mismatch scales: of the cylinder's friction, and of components.
-_FRICTION = {
-    "friction_level": ("coulomb", "breakaway"),
-    "viscous": ("viscous",),
-    "stribeck_velocity": ("stribeck_velocity",),
-    "bristle_stiffness": ("bristle_stiffness",),
+#: Deviation -> components that have it, and its parameters there. Values of a spool and of sensors replace those of the
+#: description, other values multiply them. Random values depend on this order.
+PLACES = {
+    "friction_level": ("friction", ("coulomb", "breakaway")),
+    "viscous": ("friction", ("viscous",)),
+    "stribeck_velocity": ("friction", ("stribeck_velocity",)),
+    "bristle_stiffness": ("friction", ("bristle_stiffness",)),
+    "conductance": ("valves", ("conductance", "exhaust_conductance")),
+    "moving_mass": ("cylinder", ("moving_mass",)),
+    "heat_transfer": ("cylinder", ("heat_transfer", "heat_transfer_scale")),
+    "dead_volume": ("cylinder", ("dead_volume_a", "dead_volume_b")),
+    "supply_pressure": ("supply", ("pressure",)),
+    "supply_conductance": ("new component", ()),
+    "spool_frequency_hz": ("spool", ("frequency",)),
+    "delay_s": ("spool", ("delay",)),
+    "overlap": ("spool", ("overlap",)),
+    "leakage": ("spool", ("leakage",)),
+    "hysteresis": ("spool", ("hysteresis",)),
+    "pressure_zero_pa": ("sensors", ("zero_pa",)),
+    "pressure_gain": ("sensors", ("gain_error",)),
 }
-_CYLINDER = {
-    "moving_mass": ("moving_mass",),
-    "heat_transfer": ("heat_transfer", "heat_transfer_scale"),
-    "dead_volume": ("dead_volume_a", "dead_volume_b"),
-}
-OF_VALVE = {
-    "spool_frequency_hz": "frequency",
-    "delay_s": "delay",
-    "overlap": "overlap",
-    "leakage": "leakage",
-    "hysteresis": "hysteresis",
-}
-_CONDUCTANCES = {"conductance", "exhaust_conductance"}
-_SENSORS = {"pressure_zero_pa": "zero_pa", "pressure_gain": "gain_error"}
-PLACES = (
-    *_FRICTION,
-    "conductance",
-    *_CYLINDER,
-    "supply_pressure",
-    "supply_conductance",
-    *OF_VALVE,
-    *_SENSORS,
-)
+OF_VALVE = {name: keys[0] for name, (place, keys) in PLACES.items() if place == "spool"}
+_SENSORS = {name: keys[0] for name, (place, keys) in PLACES.items() if place == "sensors"}
 DRAWS = (*PLACES, *(f"{name}_b" for name in _SENSORS))
 
 
@@ -212,24 +205,25 @@ def mismatched(
     named = {one["name"]: one for one in form["components"]}
     cylinder, valves = named[plant.cylinder], [named[name] for name in plant.valves]
     conductance = valves[0]["numbers"]["conductance"]
+    of_valves = [valve["numbers"] for valve in valves]  # a law assumes equal valves
+    tables = {
+        "friction": [(cylinder["friction"] or {}).get("parameters", {})],
+        "cylinder": [cylinder["numbers"]],
+        "valves": of_valves,
+        "spool": of_valves if "frequency" in of_valves[0] else [],
+        "supply": [one["numbers"] for one in form["components"] if one["kind"].startswith("reservoir")],
+    }
     for name, value in drawn.items():
-        keys = _CYLINDER.get(name) or _FRICTION.get(name, ())
-        numbers = cylinder["numbers"] if name in _CYLINDER else (cylinder["friction"] or {}).get("parameters", {})
-        has = [key for key in keys if key in numbers]
-        if keys and not has:
+        place, keys = PLACES[name.removesuffix("_b")]
+        found = [(numbers, key) for numbers in tables.get(place, ()) for key in keys if key in numbers]
+        if place == "spool" and not found:
+            raise invalid(name, "control.no_spool", name=name, valve=valves[0]["name"])
+        if place in tables and not found:
             raise invalid(name, "control.no_effect", name=name, keys=" and no ".join(keys))
-        for key in has:
-            numbers[key] *= value
-        if name in OF_VALVE:
-            if "frequency" not in valves[0]["numbers"]:
-                raise invalid(name, "control.no_spool", name=name, valve=valves[0]["name"])
-            for valve in valves:  # a law assumes equal valves
-                valve["numbers"][OF_VALVE[name]] = value
+        for numbers, key in found:
+            numbers[key] = value if place == "spool" else value * numbers[key]
     for load in (one for one in form["components"] if one["kind"] == "load"):
         load["numbers"]["mass"] *= drawn.get("moving_mass", 1.0)
-    for numbers in (valve["numbers"] for valve in valves):
-        for key in _CONDUCTANCES & numbers.keys():
-            numbers[key] *= drawn.get("conductance", 1.0)
     if mismatch.friction_law is not None:
         if mismatch.friction_law == cylinder["friction"]["law"]:
             raise invalid("friction_law", "control.same_law", law=mismatch.friction_law)
@@ -258,13 +252,11 @@ def _other_law(word: str, friction: Keyed) -> Plain:
 
 
 def _supply(form: Plain, drawn: NamedNumbers, conductance: float) -> NamedNumbers:
-    """Change the supply in place, and return the start state of the added volume downstream of the supply."""
-    reservoirs = [one for one in form["components"] if one["kind"].startswith("reservoir")]
-    for one in reservoirs:
-        one["numbers"]["pressure"] *= drawn.get("supply_pressure", 1.0)
+    """Add a restricted supply line in place, and return the start state of the volume in it."""
     if "supply_conductance" not in drawn:
         return {}
-    (supply,) = reservoirs  # a commanded circuit has exactly one
+    # A commanded circuit has exactly one supply.
+    (supply,) = (one for one in form["components"] if one["kind"].startswith("reservoir"))
     restriction, volume = (f"{supply['name']}_{what}" for what in ("restriction", "volume"))
     weak = {"conductance": drawn["supply_conductance"] * conductance, "critical_pressure_ratio": SUPPLY_RATIO}
     for name, kind, numbers in ((volume, "tank", {"volume": SUPPLY_VOLUME_M3}), (restriction, "fitting", weak)):
