@@ -79,11 +79,9 @@ class CoordinatePath(NamedTuple):
             begins = [k * self.period_s for k in range(int(end_s / self.period_s) + 1)]
             return [move._replace(begin_s=move.begin_s + begin_s) for begin_s in begins for move in self.moves]
         # Corners at (1, -1), (1, 1), (-1, 1), (-1, -1): each coordinate turns at every second one.
-        quarters = range(int(4.0 * end_s / self.period_s) + 1)
-        signs = [1, 1, -1, -1] if self.leads else [-1, 1, 1, -1]
-        turns = (k for k in quarters if k == 0 or signs[k % 4] != signs[(k - 1) % 4])
-        corners = [(k, signs[k % 4]) for k in turns]
-        quarter = 0.25 * self.period_s
+        first, quarter = 0 if self.leads else 1, 0.25 * self.period_s
+        turns = range(first, int(4.0 * end_s / self.period_s) + 1, 2)
+        corners = [*([] if self.leads else [(0, -1)]), *((k, 1 if (k - first) % 4 == 0 else -1) for k in turns)]
         return [ReferenceMove(k * quarter, self.edge_s, self.centre + sign * self.amplitude) for k, sign in corners]
 
 
@@ -95,12 +93,10 @@ class PosePath(Shown):
     ----------
     text : str
         Name of the file, or the texts of the coordinates.
-    coordinates : tuple of str
     lines : tuple of CoordinatePath
     """
 
     text: str
-    coordinates: tuple[str, ...]
     lines: tuple[CoordinatePath, ...]
 
     @property
@@ -173,7 +169,7 @@ def pose_path(given: PosePath | Mapping[str, str] | str | Path, platform: Platfo
         for kind, keys in pairs.items():
             if len(keys) not in (0, 2):
                 raise invalid(keys[0], "control.pair", key=keys[0], kind=kind, count=len(keys))
-        return PosePath(name, platform.coordinates, tuple(lines))
+        return PosePath(name, tuple(lines))
 
 
 def _line(given: object, unit: str, home: float) -> CoordinatePath:
