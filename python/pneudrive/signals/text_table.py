@@ -6,6 +6,7 @@ import csv
 import re
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -240,17 +241,14 @@ def read_text(
 
 def _header(lines: Lines, form: TextForm, path: Path) -> tuple[int, Fields, Fields]:
     """Return the line below the header, the names and the units of the columns."""
-    start = form.skip_lines
     if not form.header:
-        return start, [], []
-    while start < len(lines) and not lines[start].strip(form.comment + " \t"):
-        start += 1
-    if start >= len(lines):
+        return form.skip_lines, [], []
+    filled = (at for at in range(form.skip_lines, len(lines)) if lines[at].strip(form.comment + " \t"))
+    start = next(filled, None)
+    if start is None:
         raise RecordingError("there is no header line", where=str(path))
     # The header is the line below comment lines, or the first comment line.
-    plain = (
-        at for at in range(start, len(lines)) if (text := lines[at].lstrip()) and not text.startswith(form.comment)
-    )
+    plain = (at for at in chain([start], filled) if not lines[at].lstrip().startswith(form.comment))
     header, below = next(plain, None), next(plain, None)
     if header not in (None, start) and below is not None:
         words = split_row(lines[header], form.of_header)
