@@ -99,10 +99,8 @@ def run(
     pneudrive campaign run quick-look --rig default --out first-look
     """
     labels = pairs_in("--label", label or (), "seal = NAPN")
-    options = _options(operator, yes, timeout)
-    again = _again(out, rig)
     begin = partial(campaigns.run_campaign, protocol, rig, out, labels=labels)
-    _run(begin, again, options=options, pace=speed)
+    _run(begin, _again(out, rig), options=_options(operator, yes, timeout), pace=speed)
 
 
 def resume(
@@ -134,10 +132,8 @@ def resume(
         after = control.wait_for(folder, ("running", "waiting", "pausing", "stopping"), 10.0)
         typer.echo("The campaign continues." if after else "The campaign has ended.")
         return
-    options = _options(operator, yes, timeout)
-    again = _again(folder, rig, allow_code)
     begin = partial(campaigns.resume_campaign, folder, rig or None, allow_code=allow_code or None)
-    _run(begin, again, options=options, pace=speed)
+    _run(begin, _again(folder, rig, allow_code), options=_options(operator, yes, timeout), pace=speed)
 
 
 def status(folder: Path) -> None:

@@ -104,16 +104,21 @@ class Plan(Shown):
 
     @cached_property
     def allowed(self) -> Envelope:
-        """Limits of the rig, tightened by the protocol."""
-        rig, tight = self.envelope, self.protocol.limits
+        """Limits of the rig, tightened by the limits and the conditions of the protocol."""
+        rig, tight, conditions = self.envelope, self.protocol.limits, self.protocol.conditions
+        ambient, supply, temperature = self.identity.ambient_pressure_pa, rig.supply_pressure_pa, rig.temperature_k
         low, high = rig.pressure_pa
         if tight.pressure is not None:
-            high = min(high, tight.pressure.absolute_pa(self.identity.ambient_pressure_pa))
+            high = min(high, tight.pressure.absolute_pa(ambient))
+        if conditions.supply_pressure is not None:
+            supply = max(supply, conditions.supply_pressure.absolute_pa(ambient))
+        if (asked := conditions.temperature_k) is not None:
+            temperature = max(temperature[0], asked[0]), min(temperature[1], asked[1])
         upper = {
             name: min(getattr(rig, name), getattr(tight, name) or math.inf)
             for name in ("speed_m_s", "acceleration_m_s2", "force_n")
         }
-        return replace(rig, pressure_pa=(low, high), **upper)
+        return replace(rig, pressure_pa=(low, high), supply_pressure_pa=supply, temperature_k=temperature, **upper)
 
     @property
     def time_s(self) -> float:
@@ -152,12 +157,12 @@ def check(plan: Plan) -> tuple[str, ...]:
         If a cycle violates a limit. The message names the first such cycle, its value, limit and remedy, and the number
         of violating cycles.
     """
-    asked, (low, high) = plan.protocol.conditions.temperature_k, plan.envelope.temperature_k
-    if asked is not None and not max(asked[0], low) < min(asked[1], high):
+    asked, (low, high) = plan.protocol.conditions.temperature_k, plan.allowed.temperature_k
+    if asked is not None and not low < high:
         raise plan.protocol.fail(
             "conditions.temperature",
             f"the protocol requires a temperature of {_celsius(asked)}",
-            rule=f"the rig measures only at {_celsius((low, high))}",
+            rule=f"the rig measures only at {_celsius(plan.envelope.temperature_k)}",
             remedy="Change [conditions] temperature.",
         )
     broken = [(cycles, found) for cycles in _alike(plan) if (found := list(violations(cycles[0], plan)))]
@@ -381,9 +386,7 @@ def _of_samples(plan: Plan) -> Iterator[Finding]:
 
 def _of_design(plan: Plan) -> Iterator[Finding]:
     """Yield the effects that the design of a plan cannot separate, and notes on rig, time and tables of the plan."""
-    protocol = plan.protocol
-    envelope = plan.envelope
-    ambient = plan.identity.ambient_pressure_pa
+    protocol, allowed, ambient = plan.protocol, plan.allowed, plan.identity.ambient_pressure_pa
     if protocol.repeats < 2 and protocol.order.replicates < 2:
         yield "repeats", {}
     if protocol.directions != "both":
@@ -393,15 +396,13 @@ def _of_design(plan: Plan) -> Iterator[Finding]:
         yield "replicates", {"factors": " and ".join(varied)}
     if protocol.stop is not None and not protocol.stop.reference_strokes and 0.0 not in protocol.stop.durations_s:
         yield "reference", {}
-    if envelope.expected_friction_n <= 0.0:
+    if allowed.expected_friction_n <= 0.0:
         yield "friction", {}
     if plan.identity.chambers == "open" and protocol.before_block.leak_check_s is not None:
         yield "leak", {}
-    asked = protocol.conditions.supply_pressure
-    least = max(envelope.supply_pressure_pa, asked.absolute_pa(ambient) if asked is not None else 0.0)
     highest = max(p.absolute_pa(ambient) for pair in protocol.pressure.levels for p in pair)
-    if 0.0 < least < highest:
-        yield "supply", {"least": least / 1e5, "highest": highest / 1e5}
+    if 0.0 < allowed.supply_pressure_pa < highest:
+        yield "supply", {"least": allowed.supply_pressure_pa / 1e5, "highest": highest / 1e5}
     if plan.time_s > protocol.limits.time_s:
         yield "time", {"hours": plan.time_s / 3600, "limit": protocol.limits.time_s / 3600}
     for table in ("adaptive", "design", "fraction"):

@@ -251,12 +251,8 @@ class MeasuringBounds:
     @classmethod
     def of(cls, plan: Plan) -> MeasuringBounds:
         """Return the tighter of the bounds of protocol and rig for each condition."""
-        asked, (low, high), supply = plan.protocol.conditions, plan.envelope.temperature_k, 0.0
-        if asked.supply_pressure is not None:
-            supply = asked.supply_pressure.absolute_pa(plan.identity.ambient_pressure_pa)
-        if asked.temperature_k is not None:
-            low, high = max(low, asked.temperature_k[0]), min(high, asked.temperature_k[1])
-        return cls(max(supply, plan.envelope.supply_pressure_pa), (low, high), asked.force_share * plan.allowed.force_n)
+        allowed, force_share = plan.allowed, plan.protocol.conditions.force_share
+        return cls(allowed.supply_pressure_pa, allowed.temperature_k, force_share * allowed.force_n)
 
     def broken_by(self, state: RigState) -> str:
         """Return the condition that is not met, in words; empty if all are met. NaN does not meet a condition."""
