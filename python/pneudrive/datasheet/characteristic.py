@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from inspect import signature
@@ -144,13 +143,15 @@ def characteristic(name: str, **more: Any) -> Callable[[Find], Characteristic]: 
 
     def made(find: Find) -> Characteristic:
         (text, described), (rest, results) = (parts_of(find, heading) for heading in ("Settings", "Results"))
-        text, *fields = re.split(r"^:(\w+): ", min(text, rest, key=len), flags=re.MULTILINE)
+        text, *fields = min(text, rest, key=len).split("\n:")
         title, _, meaning = text.partition("\n\n")
-        stated: Plain = {key: " ".join(value.split()) for key, value in zip(fields[::2], fields[1::2], strict=True)}
-        stated["cites"] = tuple(re.findall(r"[\w-]+", stated.get("cites", "")))
+        parts = (field.partition(": ") for field in fields)
+        stated: Plain = {key: " ".join(value.split()) for key, _, value in parts}
+        if "cites" in stated:
+            stated["cites"] = tuple(stated["cites"].split(", "))
         defaults = {key: one.default for key, one in list(signature(find).parameters.items())[1:]}
         settings = {key: (default, described[key][1]) for key, default in defaults.items()}
-        about: Plain = {"title": title.rstrip("."), "definition": " ".join(meaning.split())} | stated | more
+        about: Plain = {"title": title.rstrip(".\n"), "definition": " ".join(meaning.split())} | stated | more
         return Characteristic(name, find=find, settings=settings, results=results, **about)
 
     return made

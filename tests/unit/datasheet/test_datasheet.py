@@ -141,20 +141,16 @@ def test_a_sweep_has_a_frequency_response_with_coherence():
 
 def test_air_of_a_cycle_by_the_tank_method(tmp_path):
     tables = DRIVE.circuit.to_dict()
-    tables["components"]["supply"] = {
-        "kind": "tank",
-        "volume": "20 l",
-        "wall_area": "10 m2",  # so that rest comes within seconds
-        "heat_transfer": "20 W/(m2 K)",
-    }
+    # The wall is so large that rest comes within seconds.
+    tank = {"kind": "tank", "volume": "20 l", "wall_area": "10 m2", "heat_transfer": "20 W/(m2 K)"}
+    tables["components"]["supply"] = tank
     cycles, half = 5, 0.8
     fed = pn.Circuit.model_validate(tables)
     start = {"supply": "7 bar abs", "cylinder.position": "0 mm", "cylinder.b": "7 bar abs"}
     steps = [(0.0, -1.0), *((2.0 + k * half, 1.0 - 2.0 * (k % 2)) for k in range(2 * cycles))]
     run = fed.simulate({"valve": steps}, 40.0, sample_rate=50.0, initial=start)
-    table = np.column_stack(
-        [run.time, run["supply.pressure"] + np.random.default_rng(2).normal(0.0, 20.0, run.time.size)]
-    )
+    noise_pa = np.random.default_rng(2).normal(0.0, 20.0, run.time.size)
+    table = np.column_stack([run.time, run["supply.pressure"] + noise_pa])
     recording, layout = tmp_path / "tank.csv", tmp_path / "layout.toml"
     np.savetxt(recording, table, delimiter=",", header="t,p", comments="")
     text = f"""kind = "fixed-volume"

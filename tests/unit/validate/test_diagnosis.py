@@ -143,9 +143,9 @@ def test_no_cause_has_an_amount_that_physics_forbids():
     assert by_key["Coulomb friction"].bounds[0] == -level["coulomb"]
     assert by_key["viscous friction"].bounds[0] == -level["viscous"]
     assert by_key["Stribeck friction"].bounds[0] == level["coulomb"] - level["breakaway"]
-    signals = Signals.of(record(drive(), 11, duration_s=3.0))
-    strong = _Regression(drive(supply__pressure="6 bar abs"), [signals], Watch())
-    amounts = {fit.cause.key: fit.amount for fit in strong.fits(set(), 0) if len(fit.causes) == 1}
+    signals = [Signals.of(record(drive(), 11, duration_s=3.0))]
+    fits = _Regression(drive(supply__pressure="6 bar abs"), signals, Watch()).fits(set(), 0)
+    amounts = {fit.cause.key: fit.amount for fit in fits if len(fit.causes) == 1}
     assert amounts["supply pressure"] == pytest.approx(1e5, rel=0.05)
     assert all(amounts[key] >= 0.0 for key in one_sided & amounts.keys())
 
