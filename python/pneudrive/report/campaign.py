@@ -25,7 +25,6 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
     from pathlib import Path
 
-    from pneudrive.arrays import Array
     from pneudrive.friction.campaign.compare import Comparison, CurveComparison
     from pneudrive.friction.campaign.result import CampaignCharacteristics
     from pneudrive.friction.campaign.stops.dwell_law import DwellSeries
@@ -343,25 +342,15 @@ def traces(found: CampaignCharacteristics) -> Figure:
         # At most 70 % of the approach: its start may still show the reversal.
         low, high = max(0.7 * time[0], -0.35 * reach), min(time[-1], 1.6 * reach + AFTER * loading_s)
         begin, end = (factor * max(loading_s, SHORTEST_S) for factor in (-BEFORE, AFTER))
-        running = Rule(y=stop["running_n"], look=Look("blue", "--"), width=0.9)
-        course = [Rule((0.0, dwell_s)), Line(time, friction, width=0.7), running]
-        x, y = Axis("time since rest / s", low=low, high=high), _force(time, friction, low, high, "friction / N")
-        panels.append(Panel(course, title, x, y))
-        raw = Markers(time - dwell_s, friction, look=Look("black", "-", "."), size=1.8)
+        running, since = Rule(y=stop["running_n"], look=Look("blue", "--"), width=0.9), time - dwell_s
+        # Only the shown samples are drawn, so that the range of the force follows from them.
+        whole, restart = (time >= low) & (time <= high), (since >= begin) & (since <= end)
+        course = [Rule((0.0, dwell_s)), Line(time[whole], friction[whole], width=0.7), running]
+        panels.append(Panel(course, title, Axis("time since rest / s", low=low, high=high), "friction / N"))
+        raw = Markers(since[restart], friction[restart], look=Look("black", "-", "."), size=1.8)
         peak = Markers([loading_s], [stop["breakaway_n"]], look=Look("orange"), size=7.0)
-        x = Axis("time since restart / ms", low=begin, high=end)
-        y = _force(time, friction, dwell_s + begin, dwell_s + end)
-        panels.append(Panel([peak, raw, running], "", x, y))
+        panels.append(Panel([peak, raw, running], "", Axis("time since restart / ms", low=begin, high=end), Axis("")))
     return figure_of("stops", panels)
-
-
-def _force(time_s: Array, friction_n: Array, begin_s: float, end_s: float, label: str = "") -> Axis:
-    """Return a force axis whose range contains the friction from `begin_s` to `end_s`."""
-    inside = friction_n[(time_s >= begin_s) & (time_s <= end_s)]
-    if not inside.size or np.ptp(inside) <= 0:
-        return Axis(label)
-    margin = 0.08 * float(np.ptp(inside))
-    return Axis(label, low=float(inside.min()) - margin, high=float(inside.max()) + 2 * margin)
 
 
 # --- breakaway against duration --------------------------------------------------------------------------------------

@@ -33,8 +33,12 @@ NAME_PT, TEXT_PT = 7.0, 6.0
 LINE = 1.1  # line spacing of a label
 WIDE = 10.0  # a symbol of this width has its label above, not beside
 MOST_VALUES = 2  # in a label
-ARROW, MARK = 0.45, 0.9  # half width and height of the mark of an exhaust
 DIRECTIONS = {"right": (1, 0), "left": (-1, 0), "up": (0, 1), "down": (0, -1)}
+#: Mark of a port -> its strokes: kind, and corners along the direction of the port and across it.
+MARKS: dict[str, tuple[tuple[Any, ...], ...]] = {
+    "exhaust": (("triangle", (0.1, 0.45), (0.1, -0.45), (1.0, 0.0)),),  # open to the ambient air
+    "shut": (("line", (-0.35, -0.35), (0.35, 0.35)), ("line", (-0.35, 0.35), (0.35, -0.35))),
+}
 
 _TABLES = package_table(__file__, "symbols.toml")
 SYMBOLS = {kind: symbol for symbol in _TABLES["symbols"] for kind in symbol["kinds"]}
@@ -127,16 +131,10 @@ class Block:
         for stroke in self.strokes:
             yield stroke._replace(points=moved(stroke.points, self.x, self.y), component=self.name)
         for port, mark in self.marks.items():
-            (x, y), (dx, dy) = self.port(port), DIRECTIONS[self.directions[port]]
-            if mark == "exhaust":  # open to the ambient air
-                base = x + 0.1 * dx, y + 0.1 * dy
-                wide = [(base[0] + side * dy * ARROW, base[1] + side * dx * ARROW) for side in (1, -1)]
-                tip = base[0] + MARK * dx, base[1] + MARK * dy
-                yield Shape("triangle", moved([*wide, tip]), self.name)
-                continue
-            for side in (1, -1):
-                ends = [(x + end * (dy * side + dx), y + end * (dx * side + dy)) for end in (-0.35, 0.35)]
-                yield Shape("line", moved(ends), self.name)
+            place, (dx, dy) = self.port(port), DIRECTIONS[self.directions[port]]
+            for word, *corners in MARKS[mark]:
+                points = [(along * dx + across * dy, along * dy + across * dx) for along, across in corners]
+                yield Shape(word, moved(points, *place), self.name)
         for number, line in enumerate(self.label):
             ((x, y),) = line.points
             yield line._replace(points=((self.x + x, self.y + y - LINE * (number + 0.5)),))
@@ -224,16 +222,14 @@ def _plain(entry: Keyed) -> tuple[list[Shape], list[Place]]:
     strokes.append(Shape("text", ((0.5 * width, 0.5 * height),), size=TEXT_PT, text=title))
     places: dict[str, Place] = {}
     for side, ports in sides.items():
+        dx, dy = DIRECTIONS[side]
         for number, name in enumerate(ports):
-            along = 2 * number - len(ports) + 1
-            if side in ("left", "right"):
-                rim, out = (width, 1) if side == "right" else (0, -1)
-                places[name] = x, y = rim + out, height // 2 - along
-                inner, text = (rim, y), (rim - out * (0.3 + 0.5 * text_width(name, TEXT_PT)), y)
-            else:
-                places[name] = x, y = width // 2 + along, (height + 1 if side == "up" else -1)
-                inner, text = (x, min(max(y, 0), height)), (x, height - 0.7 if side == "up" else 0.7)
-            strokes += [Shape("line", ((x, y), inner)), Shape("text", (text,), size=TEXT_PT, text=name)]
+            along = 2 * number - len(ports) + 1  # to the right, or downwards
+            x, y = width // 2 * (1 + dx) + abs(dy) * along, height // 2 * (1 + dy) - abs(dx) * along
+            places[name] = end = x + dx, y + dy
+            inset = 0.3 + 0.5 * text_width(name, TEXT_PT) if dx else 0.7
+            strokes.append(Shape("line", (end, (x, y))))
+            strokes.append(Shape("text", ((x - dx * inset, y - dy * inset),), size=TEXT_PT, text=name))
     return strokes, [places[port["name"]] for port in entry["ports"]]
 
 

@@ -61,19 +61,13 @@ def fits_of(path: Path, fit_name: str, names: list[str]) -> tuple[dict[str, Fric
         return {}, f"{fit_name} is a fit over several seals or mountings: its curve belongs to none of them."
     fits, reasons = {}, []
     for name, file in files.items():
-        place = path.parent / file
-        if not place.is_file():
-            reasons.append(f"There is no {file} next to the map.")
-            continue
-        try:
-            fit = read_fit(place)
-        except PneudriveError as error:
-            reasons.append(error.what)
-            continue
-        if isinstance(fit, FrictionFit):
-            fits[name] = fit
+        if (path.parent / file).is_file():
+            try:
+                fits[name] = FrictionFit.from_toml(path.parent / file)
+            except PneudriveError as error:  # another kind of fit has no curve over speed
+                reasons.append(f"{file}: {error.what}.")
         else:
-            reasons.append(f"{file} is a fit of a {fit.KIND}, which has no curve over speed.")
+            reasons.append(f"There is no {file} next to the map.")
     return fits, " ".join(dict.fromkeys(reasons))
 
 
