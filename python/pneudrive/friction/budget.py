@@ -19,19 +19,14 @@ runs and known weights, some of these parts are measured instead (``campaign/rea
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pneudrive.arrays import Array, Interval
 from pneudrive.friction.strokes import CLOCK_S, Side
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable
-
-    from pneudrive.arrays import Array, Interval
-    from pneudrive.signals.recording import Recording
-
+from pneudrive.signals.recording import Recording
 
 COVERAGE_FACTOR = 2.0
 BEYOND_SHARE = 0.05  # of the drive's stroke, at its ends, that the moves leave out (assumed)

@@ -25,15 +25,7 @@ from pneudrive.friction.budget import COVERAGE_FACTOR, BudgetEntry, chance_n, co
 from pneudrive.friction.friction_map import TABLES, group_of
 from pneudrive.friction.sentences import sentence
 from pneudrive.friction.stick_slip import RIPPLE_LIMIT, ReversalPeak, StickSlip
-from pneudrive.friction.strokes import (
-    COVERED_SHARE,
-    RecordedMotion,
-    SampleChoice,
-    Side,
-    Strokes,
-    StrokeUse,
-    stroke_grid,
-)
+from pneudrive.friction.strokes import COVERED_SHARE, RecordedMotion, Strokes, StrokeUse, stroke_grid
 from pneudrive.numbers import plain
 from pneudrive.progress import Watch
 from pneudrive.repr_tables import Card, Shown, brief
@@ -45,7 +37,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from pneudrive.arrays import Bools, Columns, Interval, NamedNumbers, Row
-    from pneudrive.friction.strokes import MeasuredStroke
+    from pneudrive.friction.strokes import MeasuredStroke, SampleChoice, Side
     from pneudrive.signals.load import RecordingFile
 
     Part = tuple[RecordedMotion, tuple[Stroke, ...]]

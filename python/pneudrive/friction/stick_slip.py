@@ -2,23 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pneudrive.arrays import Array, Bools
 from pneudrive.errors import RecordingError
+from pneudrive.friction.bins import Profile
 from pneudrive.repr_tables import Shown
 from pneudrive.signals import motion
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from pneudrive.arrays import Array, Bools
-    from pneudrive.friction.bins import Profile
-    from pneudrive.signals.recording import Recording
-
+from pneudrive.signals.recording import Recording
 
 # --- Breakaway peaks after reversals, with flags of their faults.
 

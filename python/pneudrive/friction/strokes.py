@@ -15,15 +15,7 @@ import numpy as np
 
 from pneudrive.friction.bins import Grid, Profile, Spread, bin_means, known_mean, mean_profile, spread_of
 from pneudrive.friction.sentences import sentence
-from pneudrive.friction.stick_slip import (
-    ReversalPeak,
-    StickSlip,
-    evenly_spaced,
-    find_reversal_peaks,
-    measure_stick_slip,
-    median,
-    middle_of,
-)
+from pneudrive.friction.stick_slip import evenly_spaced, find_reversal_peaks, measure_stick_slip, median, middle_of
 from pneudrive.signals.motion import Stroke, find_strokes, local_slope, speed_levels, straight_line, thinned
 from pneudrive.signals.recording import Recording, refuse_channels
 
@@ -31,6 +23,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
     from pneudrive.arrays import Array, Bools, Interval
+    from pneudrive.friction.stick_slip import ReversalPeak, StickSlip
     from pneudrive.signals.pressure_delay import PressureDelay
 
 

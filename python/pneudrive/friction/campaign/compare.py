@@ -12,15 +12,17 @@ difference at 5 % for all tests together.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import product
 from math import isclose
 from operator import attrgetter
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
 import polars as pl
 
+from pneudrive.arrays import Array, Ints, Row
 from pneudrive.constants import ZERO_CELSIUS_K
 from pneudrive.errors import package_table
 from pneudrive.estimate.autocorrelation import cells, centred_walk, levels
@@ -29,20 +31,11 @@ from pneudrive.estimate.mixed import MixedModel, RandomEffect, independent
 from pneudrive.friction.campaign.points import MOST_CELLS, MOST_CYCLES, grouped, shares_of
 from pneudrive.friction.campaign.reading import stated_gain
 from pneudrive.friction.campaign.result import CampaignCharacteristics, write_tables
+from pneudrive.friction.campaign.stops.dwell_law import DwellSeries
 from pneudrive.friction.friction_map import LEVELS, PA_PER_BAR
 from pneudrive.friction.sentences import Statement, say
 from pneudrive.lazy_names import upper
 from pneudrive.views import View, Viewed
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from pathlib import Path
-
-    from pneudrive.arrays import Array, Ints, Row
-    from pneudrive.friction.campaign.stops.dwell_law import DwellSeries
-
-    Both = tuple[CampaignCharacteristics, CampaignCharacteristics]
-    Pairs = tuple[tuple[DwellSeries, DwellSeries], ...]
 
 
 @dataclass(frozen=True)
@@ -62,6 +55,10 @@ class Check:
     second: str
     comparable: bool
     consequence: str = ""
+
+
+Both = tuple[CampaignCharacteristics, CampaignCharacteristics]
+Pairs = tuple[tuple[DwellSeries, DwellSeries], ...]
 
 
 def _checks(both: Both) -> Iterator[Check]:

@@ -23,16 +23,7 @@ from pneudrive.friction.budget import SharedTerms, unseen_n
 from pneudrive.friction.campaign import result, smooth
 from pneudrive.friction.campaign.points import NAMES, OUTLIER, SAME_SPEED, STICK_SLIP, CurvePoints, shares_of
 from pneudrive.friction.campaign.reading import GROWING, OF_SIDES, WAYS, CampaignData, CycleTable, Gain
-from pneudrive.friction.friction_map import (
-    AMBIENT,
-    BOTH,
-    COLUMNS,
-    HOUR_S,
-    LEVEL_COLUMNS,
-    LEVELS,
-    Condition,
-    columns_to_dataset,
-)
+from pneudrive.friction.friction_map import AMBIENT, BOTH, COLUMNS, HOUR_S, LEVEL_COLUMNS, LEVELS, columns_to_dataset
 from pneudrive.friction.sentences import sentence
 
 if TYPE_CHECKING:
@@ -41,6 +32,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from pneudrive.arrays import Array, Ints
+    from pneudrive.friction.friction_map import Condition
     from pneudrive.signals.force_calibration import ForceCalibration
 
 

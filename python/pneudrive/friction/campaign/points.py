@@ -7,11 +7,13 @@ the mean of each cycle is converted to the common range.
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
+from pneudrive.arrays import Array, Bools, Columns, Ints, Row
 from pneudrive.estimate.autocorrelation import cells, levels, means, moderate, stderrs_of_means
 from pneudrive.friction.bins import known_mean, pair_stderr
 from pneudrive.friction.budget import chance_n
@@ -20,14 +22,6 @@ from pneudrive.friction.friction_map import PA_PER_BAR, Condition
 from pneudrive.friction.level import BELOW_AMBIENT
 from pneudrive.friction.sentences import Statement, named, say
 from pneudrive.friction.stick_slip import RIPPLE_LIMIT
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
-
-    from numpy.typing import NDArray
-
-    from pneudrive.arrays import Array, Bools, Columns, Ints, Row
-
 
 SWING_SHARE = 0.05  # of the friction: smaller swings are roughness or noise
 SWING_FLOOR = 3.0  # times the noise while standing

@@ -15,23 +15,17 @@ the prediction from the good cycles. A cycle is suspect if the data do not show 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
+from pneudrive.arrays import Array, Columns, Ints
 from pneudrive.estimate import mixed
 from pneudrive.estimate.autocorrelation import centred_walk, integrated_wiener, matern, projection
 from pneudrive.estimate.estimates import robust_deviation
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from numpy.typing import NDArray
-
-    from pneudrive.arrays import Array, Columns, Ints
-
 
 #: Speed above which the stretched speed is proportional to speed; below, it is logarithmic (assumed).
 PROPORTIONAL_FROM_M_S = 0.1

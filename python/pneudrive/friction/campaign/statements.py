@@ -2,24 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from itertools import combinations
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from pneudrive.estimate.estimates import CHANCE, NORMAL_95, student
 from pneudrive.friction.campaign.curves import Fits, deviation_n
 from pneudrive.friction.campaign.points import NEGATIVE, OUTLIER, CurvePoints, suspicions
+from pneudrive.friction.campaign.reading import CampaignData
+from pneudrive.friction.campaign.result import AirShare, Asymmetry, CampaignCharacteristics
 from pneudrive.friction.campaign.trends import TOGETHER, causes, pure_scatter
 from pneudrive.friction.friction_map import BOTH, PA_PER_BAR
 from pneudrive.friction.sentences import NAMED, Statement, named, say
 from pneudrive.signals.motion import straight_line
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
-
-    from pneudrive.friction.campaign.reading import CampaignData
-    from pneudrive.friction.campaign.result import AirShare, Asymmetry, CampaignCharacteristics
 
 SERVICE_BAR = (3.0, 10.0)  # gauge pressures at which such drives are used (assumed)
 FEW_LEVELS = 5  # speeds: fewer do not show the shape of a curve

@@ -6,27 +6,22 @@ harmonics, with the cycles as repeats. Slopes over both pressures are given at e
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.special import chdtri, fdtrc
 
+from pneudrive.arrays import Array, Bools, Columns, Ints
 from pneudrive.estimate.autocorrelation import cells, centred_walk, moderate, projection, stderrs_of_means
 from pneudrive.estimate.estimates import CHANCE, NORMAL_95, Estimate, mean_estimate, student
 from pneudrive.estimate.mixed import MixedFit, MixedModel, RandomEffect, independent
+from pneudrive.friction.campaign.curves import Fits
 from pneudrive.friction.campaign.points import FREEDOM_PER_CYCLE, CurvePoints, shares_of
 from pneudrive.friction.campaign.result import Drift, PositionPattern, PositionWave, PressureEffects, Repeatability
 from pneudrive.friction.campaign.smooth import CYCLE_SCALE
 from pneudrive.friction.friction_map import HOUR_S, PA_PER_BAR, TOLD, Condition, classify_pressures
 from pneudrive.friction.sentences import Statement, say
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
-
-    from pneudrive.arrays import Array, Bools, Columns, Ints
-    from pneudrive.friction.campaign.curves import Fits
-
 
 #: Cause of a drift -> its effect in `Drift`, and the unit.
 EFFECTS = {

@@ -21,13 +21,15 @@ All four forms are fitted to means over bins of equal width in log time, and com
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pneudrive.arrays import Array, Ints, Row
+from pneudrive.campaign.cycle import Cycle
 from pneudrive.campaign.storage.folder import RESTS, CycleFile, recording_of, speed_of, steps_from_motion, steps_of
 from pneudrive.errors import RecordingError
 from pneudrive.estimate.autocorrelation import cells, corrected_criterion, means
@@ -38,14 +40,7 @@ from pneudrive.friction.campaign.reading import condition_of
 from pneudrive.friction.friction_map import Condition
 from pneudrive.rig.interface import Hold, Identity, Move, Samples
 from pneudrive.signals.motion import noise_level
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from pneudrive.arrays import Array, Ints, Row
-    from pneudrive.campaign.cycle import Cycle
-    from pneudrive.signals.recording import Recording
-
+from pneudrive.signals.recording import Recording
 
 #: Smallest number of samples of a phase.
 FEWEST = 5

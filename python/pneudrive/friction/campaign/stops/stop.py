@@ -25,8 +25,8 @@ average over the grid, weighted by the quality of each fit. Its uncertainty ther
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 import polars as pl
@@ -43,12 +43,7 @@ from pneudrive.friction.stick_slip import rise
 from pneudrive.friction.strokes import moving_average
 from pneudrive.rig.interface import Identity, Samples
 from pneudrive.signals.motion import noise_level, straight_line
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from pneudrive.signals.recording import Recording
-
+from pneudrive.signals.recording import Recording
 
 #: Largest contribution of air force or inertia to a usable peak, as a fraction of the increment; also largest loading
 #: time as a fraction of the stop.
