@@ -140,8 +140,7 @@ def characteristic(
         if len(values) > 1 and not is_list:
             raise CommandError(f"{key} = {text} has several values", rule=f"{kind.name} takes one {key}")
         settings[key] = values if is_list else values[0]
-    uncertain = registry.UncertainDrive(load.load_described(drive))
-    found = uncertain.characteristic(name, watch(), **settings)
+    found = registry.UncertainDrive(load.load_described(drive)).characteristic(name, watch(), **settings)
     show_view(sheet_page.characteristic_view(found))
     write_outputs((out, partial(_save, found)), (plot, partial(sheet_page.plot_characteristic, found)))
 

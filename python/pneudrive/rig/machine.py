@@ -65,8 +65,7 @@ def steady_friction_n(
     velocity = np.atleast_1d(np.asarray(velocity_m_s, dtype=float))
     others = dict(friction)
     law, parameters, pressure = (others.pop(name, None) for name in ("law", "parameters", "pressure"))
-    steady = _core.steady_friction(law, parameters, velocity, *gauges_pa, pressure, others, position_m)
-    return np.asarray(steady)
+    return np.asarray(_core.steady_friction(law, parameters, velocity, *gauges_pa, pressure, others, position_m))
 
 
 def core_rig(
@@ -363,8 +362,7 @@ class Machine:
                 raise RigError.of("rig.moves-away", push=push, holds=holds)
         begin = past.commanded_m if past.state is None else past.state
         rig = core_rig(d, (past.pressure_a_pa, past.pressure_b_pa), friction, float(past.room_k(d)))
-        result = drag(rig, motion, times, begin, released=hold.released, shut=hold.shut, look=look)
-        columns, _, state, at = result
+        columns, _, state, at = drag(rig, motion, times, begin, released=hold.released, shut=hold.shut, look=look)
         shown = {name: float(column[-1]) for name, column in columns.items()} if times.size else past.shown
         after = replace(past, state=state, commanded_m=at, shown=shown)
         power = 0.0

@@ -242,8 +242,7 @@ class CampaignRun:
         str
             `DONE`, or `ENDED` if a person ended the campaign, which can then be resumed.
         """
-        begins = "resumed" if self.finished else "began"
-        self._log(f"{begins} after {self.now}; rig {self.campaign.identity.name}")
+        self._log(f"{'resumed' if self.finished else 'began'} after {self.now}; rig {self.campaign.identity.name}")
         self._show("began", self.plan, self.finished.keys())
         for note in self.plan.notes:
             self._show("say", f"note: {note}")
