@@ -21,11 +21,12 @@ from pneudrive.rig.motion import Motion, cycles, step_times
 from pneudrive.signals.recording import Recording
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Sequence
+    from collections.abc import Callable, Iterable, Iterator, Sequence
 
     from pneudrive.rig.interface import Sampling
 
     Gauges = float | Pair  # pressures of both chambers, or of a and b
+    Observer = Callable[[Machine, Past, Step, Motion, dict[str, Array]], None]
 
 
 @dataclass(frozen=True, repr=False)
@@ -378,6 +379,8 @@ class RigSession:
         #: History of the rig. A step replaces it.
         self.past = self._machine.new()
         self._running: _Run | None = None
+        #: Called after each step of a cycle with machine, history before the step, step, motion and true signals.
+        self.observe: Observer | None = None
         self._lock, self._halted = RLock(), Event()
 
     # --- what it is --------------------------------------------------------------------------
@@ -553,6 +556,8 @@ class RigSession:
                     continue
                 times = self._times(motion.duration_s, isinstance(step, Move), sampling)
                 before, true = self._ahead(run, step, motion, times)
+                if sampling is not None and self.observe is not None:
+                    self.observe(self._machine, before, step, motion, true)
                 seen = self._instruments.read(true, before, rng, getattr(step, "weight_n", 0.0))
                 count = times.size if i == last else times.size - 1
                 for part in self._parts(times[:count], motion.duration_s):
