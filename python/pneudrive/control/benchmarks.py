@@ -667,9 +667,11 @@ def _references(drive: DriveOrCircuit, asked: References) -> dict[str, Reference
         raise CommandError("no reference is given", remedy='Give for instance "standard".')
     if isinstance(asked, Mapping):
         return {name: reference(one) for name, one in asked.items()}
-    reach, each = tune(drive).reach, [asked] if isinstance(asked, str) or not isinstance(asked, Iterable) else asked
+    if isinstance(asked, str) or not isinstance(asked, Iterable):
+        asked = USUAL if asked == "standard" else [asked]
+    reach = tune(drive).reach
     out: dict[str, Reference] = {}
-    for one in USUAL if asked == "standard" else each:
+    for one in asked:
         read = named_or_read(one, *reach)
         name = str(one) if one in NAMES else read.text
         if out.setdefault(name, read) != read:

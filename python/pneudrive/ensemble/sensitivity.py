@@ -196,7 +196,8 @@ def sobol_indices(
         if f.shape[1] < 2 or np.ptp(f[:2]) == 0.0:
             continue
         indices[..., k] = _indices(f)
-        rng, m = np.random.default_rng([seed, k]), f.shape[1]
+        rng = np.random.default_rng([seed, k])
+        m = f.shape[1]
         sizes = [min(TOGETHER, resamples - done) for done in range(0, resamples, TOGETHER)]
         again = np.concatenate([_indices(f[:, rng.integers(0, m, (size, m))]) for size in sizes], axis=-1)
         tails = [0.5 * (1.0 - CONFIDENCE), 0.5 * (1.0 + CONFIDENCE)]

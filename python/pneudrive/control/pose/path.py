@@ -79,9 +79,11 @@ class CoordinatePath(NamedTuple):
             begins = [k * self.period_s for k in range(int(end_s / self.period_s) + 1)]
             return [move._replace(begin_s=move.begin_s + begin_s) for begin_s in begins for move in self.moves]
         # Corners at (1, -1), (1, 1), (-1, 1), (-1, -1): each coordinate turns at every second one.
-        first, quarter = 0 if self.leads else 1, 0.25 * self.period_s
+        first = 0 if self.leads else 1
         turns = range(first, int(4.0 * end_s / self.period_s) + 1, 2)
-        corners = [*([] if self.leads else [(0, -1)]), *((k, 1 if (k - first) % 4 == 0 else -1) for k in turns)]
+        corners = [(k, 1 if (k - first) % 4 == 0 else -1) for k in turns]
+        corners = corners if self.leads else [(0, -1), *corners]
+        quarter = 0.25 * self.period_s
         return [ReferenceMove(k * quarter, self.edge_s, self.centre + sign * self.amplitude) for k, sign in corners]
 
 
