@@ -31,7 +31,7 @@ from pneudrive.free.parameters import DriveFamily, Parameter
 from pneudrive.identify.base import Fit, FitFile, Undetermined, recording_tables
 from pneudrive.identify.dynamic.fit import noise_of, solve
 from pneudrive.identify.dynamic.problem import FitProblem, FittedRecording, Iterate
-from pneudrive.identify.dynamic.result import LARGEST_REACH, applied_note, named_value, warn_of_mixture
+from pneudrive.identify.dynamic.result import CORRELATED, LARGEST_REACH, applied_note, named_value, warn_of_mixture
 from pneudrive.identify.dynamic.search import Misfit, SearchOptions, Solved, join_segments, profile, solution
 from pneudrive.identify.dynamic.sensors import Channel
 from pneudrive.identify.identified import FittedData, number_table, sentence, sentences, written_as
@@ -356,7 +356,7 @@ def _result(
         covariance=solved.covariance,
         intervals=intervals,
         undetermined=(*held, *lost),
-        notes=(*_notes(tank, solved, others, interrupted), *applied_note(solved, {u.parameter for u in lost})),
+        notes=(*_notes(tank, solved, others, tau, interrupted), *applied_note(solved, {u.parameter for u in lost})),
         statistics={
             "samples": float(off.size),
             "rms.pressure": rms(off),
@@ -401,7 +401,13 @@ def _lost(
     return Undetermined(name, reason, sentences("tank")[name])
 
 
-def _notes(tank: Tank, solved: Solved, others: list[Solved], interrupted: list[str]) -> list[str]:
+def _notes(
+    tank: Tank,
+    solved: Solved,
+    others: list[Solved],
+    tau: float,
+    interrupted: list[str],
+) -> list[str]:
     notes = []
     if tank.line is not None and tank.line.linear_above == SHORT_REGION:
         notes.append(f"line.linear_above = {SHORT_REGION:g} fits the end of the recordings better than the default")
@@ -411,6 +417,8 @@ def _notes(tank: Tank, solved: Solved, others: list[Solved], interrupted: list[s
         notes.append(sentence("notes", "wall_start", kelvin=tank.start_temperature_k))
     if solved.missed:
         notes.append(sentence("notes", "tank_misfit", ratio=max(solved.missed.values())))
+    elif tau > CORRELATED:
+        notes.append(f"residuals are correlated over {tau:.0f} samples; the intervals allow for this")
     for minimum in others:
         values = zip(minimum.problem.parameters, minimum.values, strict=True)
         words = ", ".join(named_value(p.name, value, p.unit, 3) for p, value in values)

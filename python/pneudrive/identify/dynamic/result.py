@@ -411,6 +411,10 @@ def unresolved_damping(step_m: float, breakaway_n: float, stiffness_n_m: float) 
     return Undetermined("friction.bristle_damping", **stated("undetermined", "damping", **sizes))
 
 
+#: Correlation length of residuals, in samples, above which a note is given, unless solver errors explain the variance.
+CORRELATED, SOLVER_SHARE = 10.0, 0.1
+
+
 def assembled(drive: Drive | Circuit, solved: Solved, options: SearchOptions) -> DriveFit:
     """Return the fit from the best solution of a search."""
     problem, parameters, records = solved.problem, solved.problem.parameters, solved.problem.records
@@ -482,6 +486,13 @@ def _notes(drive: Drive | Circuit, options: SearchOptions, solved: Solved) -> li
         f"{named_value(name, value, units[name].unit)} is derived from free values, because the drive does not state it"
         for name, value in moved.items()
     ]
+    coloured = [
+        f"{problem.experiments[i].channels[c].name} of {problem.records[i].name} ({tau:.0f} samples)"
+        for (i, c), (variance, tau) in solved.inflation.items()
+        if tau > CORRELATED and variance > SOLVER_SHARE
+    ]
+    if coloured and solved.converged:
+        notes.append(f"residuals are correlated over time: {', '.join(coloured)}; the intervals allow for this")
     if solved.missed:
         for record in problem.records:
             if not {"pressure_a_pa", "pressure_b_pa"} <= record.columns.keys():

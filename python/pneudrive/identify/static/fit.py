@@ -152,6 +152,8 @@ def fit_values(
         said.append(sentence("notes", "scatter", scatter=found.scatter_n))
     if len(data) == len(model.names):
         said.append(sentence("notes", "no_freedom"))
+    if np.isfinite(found.rival):
+        said.append(sentence("notes", "rival", velocity=1e3 * found.rival))
     provenance = {"version": __version__, "map_sha256": sliding.fingerprint(data), **_ranges(data), **options}
     fit = assembled(wanted.law, found, intervals, lost, said, provenance)
     return replace(fit, notes=(*fit.notes, *fit.correlated()))

@@ -64,6 +64,8 @@ class RobustEstimate:
         Sum of the loss at `scale`.
     starts, agreeing : int
         Number of starts of the search, and number of starts that led to this estimate.
+    rival : float
+        Stribeck velocity in m/s of another estimate that is not significantly worse (p > 0.05); NaN without one.
     scatter_n : float
         Standard deviation between levels in N, included in the standard errors of `data`; 0 without scatter.
     """
@@ -81,6 +83,7 @@ class RobustEstimate:
     cost: float
     starts: int = 1
     agreeing: int = 1
+    rival: float = np.nan
     scatter_n: float = 0.0
 
     @property
@@ -187,7 +190,7 @@ def estimate(
     candidates = [_polish(model, data, q, kind, scale) for q in starts]
     q, best = min(candidates, key=lambda c: c[1])
     near = [c for c in candidates if c[1] <= best + HARDLY_WORSE * scale**2]
-    others = sum(model.stribeck and abs(c[0][2] - q[2]) > SAME_VELOCITY for c in near)
+    others = [c[0] for c in near if model.stribeck and abs(c[0][2] - q[2]) > SAME_VELOCITY]
     for _ in range(0 if fixed_scale else MAX_ROUNDS):
         updated = max(proposal_2(_residual(model, q, data), scale, dof, kind.tuning), floor)
         done = abs(updated / scale - 1.0) < 1e-6
@@ -223,7 +226,8 @@ def estimate(
         active=active,
         cost=float(np.sum(kind.rho(u))),
         starts=len(starts),
-        agreeing=len(near) - others,
+        agreeing=len(near) - len(others),
+        rival=float(np.exp(others[0][2])) if others else np.nan,
     )
 
 
