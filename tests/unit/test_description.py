@@ -111,7 +111,7 @@ WRONG = [
     ('"7 bar abs"', '"-2 bar gauge"', "supply.pressure is below vacuum", "gauge pressure + ambient pressure > 0"),
     ('kind = "rodless"', 'kind = "through-rod"', "cylinder.rod_diameter is missing", "has a rod"),
     ('kind = "rodless"', 'kind = "rodless"\nrod_diameter = "5 mm"', "has no rod", "rod_diameter"),
-    ('kind = "rodless"', 'kind = "single-acting"', "'single-acting' is not known", "components.cylinder"),
+    ('kind = "rodless"', 'kind = "single-acting"', "exists only in circuits", "components.cylinder"),
     ('"2 kg"', '"nan kg"', "is not finite", "moving_mass"),
     ("ratio = 0.3", "ratio = 1.0", "valve.critical_pressure_ratio: 1.0 is out of bounds", "less than 1"),
     ("ratio = 0.3", 'ratio = "0.3"', "is not a number", "without unit and quotes"),

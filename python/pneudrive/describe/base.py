@@ -154,8 +154,9 @@ class Described(Shown, BaseModel):
     @classmethod
     def _explained(cls, first: Any) -> DescriptionError:  # noqa: ANN401 - pydantic's dictionary
         """Convert one of pydantic's errors to a message."""
-        key, name = cls._key(first["loc"]), str(*first["loc"][-1:])  # the table itself has no name
+        key = cls._key(first["loc"])
         if first["type"] == "extra_forbidden":
+            name = str(first["loc"][-1])
             inner = [one.removeprefix(f"{name}_") for one in cls.keys() if one.startswith(f"{name}_")]  # noqa: SIM118 - a class method
             if len(inner) > 1 and not isinstance(first["input"], dict):
                 what = f"{key} = {first['input']!r} is not a table"
@@ -163,11 +164,10 @@ class Described(Shown, BaseModel):
             known = nearest(f"{name}_{inner[0]}" if inner else name, cls.keys())
             return wrong(key, f"{key} is not a known key", remedy=cls.elsewhere.get(name, known))
         if first["type"] == "missing":
-            return wrong(key, f"{key} is missing", remedy=cls.example(name))
+            return wrong(key, f"{key} is missing", remedy=cls.example(str(first["loc"][-1])))
         if first["type"] == "literal_error":
             known = first.get("ctx", {})["expected"].replace(" or ", ", ").replace("'", "").split(", ")
-            remedy = f"{nearest(str(first['input']), known)} {cls.elsewhere.get(name, '')}".strip()
-            return wrong(key, f"{key} = {first['input']!r} is not known", remedy=remedy)
+            return wrong(key, f"{key} = {first['input']!r} is not known", remedy=nearest(str(first["input"]), known))
         words = _TYPES.get(first["type"], f": {first['msg']}")
         remedy = f"Write {key} = [...]." if words == _NO_LIST else None
         return wrong(key, f"{key} = {first['input']!r}{words}".removeprefix(" = "), remedy=remedy)

@@ -23,6 +23,7 @@ from pneudrive import units
 from pneudrive.arrays import Plain
 from pneudrive.describe.base import Described
 from pneudrive.describe.files import sourced, toml
+from pneudrive.describe.files.sourced import Value
 from pneudrive.describe.kinds import component_kinds, is_needed
 from pneudrive.describe.marks import Reads, Text
 from pneudrive.describe.tables.valve_flow import FLOW_KEYS, conductance_key, conductance_of
@@ -38,7 +39,7 @@ PRINTED = {"max_stroke", "max_speed", "cushion_energy", "absorber_energy_per_hou
 _own: ContextVar[tuple[Path, ...]] = ContextVar("folders of the user's catalogue", default=())
 
 
-def _values(given: object) -> tuple[sourced.Value, ...]:
+def _values(given: object) -> tuple[Value, ...]:
     """Read values with their origins, in tables of any depth.
 
     If one value is a friction table, each parameter in the table gets the origin of this value.
@@ -69,8 +70,8 @@ class Entry(Described):
     kind: str = ""
     note: str = ""
     parts: dict[str, str] = Field(default_factory=dict)
-    values: Annotated[tuple[sourced.Value, ...], Reads(_values)] = ()
-    printed: Annotated[tuple[sourced.Value, ...], Reads(_values)] = ()
+    values: Annotated[tuple[Value, ...], Reads(_values)] = ()
+    printed: Annotated[tuple[Value, ...], Reads(_values)] = ()
 
     @cached_property
     def key(self) -> str:
@@ -188,7 +189,7 @@ def entry(name: str, what: str = "", key: str = "") -> Entry:
     return known[name]
 
 
-def all_values(found: Entry) -> list[sourced.Value]:
+def all_values(found: Entry) -> list[Value]:
     """Return the values of a part, or those of a drive and its parts with their keys in the drive file."""
     out = {}
     for table, name in found.parts.items():

@@ -116,8 +116,9 @@ def check(drive: Described, origins: Mapping[str, Origin]) -> None:
             raise wrong(full, f'[provenance."{key}"] names no value of this drive', remedy=nearest(key, known))
         try:
             low, high = origin.bounds_si(known[key].mark)
-        except ValueError as error:  # a DescriptionError is one
-            raise wrong(full, f'[provenance."{key}"].interval: {getattr(error, "what", error)}') from None
+        except (DescriptionError, ValueError) as error:
+            what = error.what if isinstance(error, DescriptionError) else str(error)
+            raise wrong(full, f'[provenance."{key}"].interval: {what}') from None
         value = known[key].si
         slack = ROUNDING * max(abs(value), abs(low) if math.isfinite(low) else 0.0, 1e-300)
         if not low - slack <= value <= high + slack:

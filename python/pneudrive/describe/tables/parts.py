@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, get_args
 
 from pydantic import Field, model_validator
 
-from pneudrive import constants, units
+from pneudrive import _core, constants, units
 from pneudrive.constants import AIR_GAS_CONSTANT_J_KG_K, AIR_HEAT_CAPACITY_RATIO, ANR_TEMPERATURE_K
 from pneudrive.describe import marks
 from pneudrive.describe.base import Described
@@ -149,6 +149,22 @@ class Supply(Described):
     temperature_k: MaybeTemperature = None
 
 
+class _DrivePart(Described):
+    """Table of a drive file that accepts fewer kinds than the same component of a circuit."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def refuse_kind_of_circuits(cls, data: Any) -> Any:  # noqa: ANN401
+        """Reject a kind that exists in circuits, but not in drive files."""
+        table, known = cls.table_name, get_args(cls.model_fields["kind"].annotation)
+        kind = data.get("kind") if isinstance(data, dict) else None
+        short = kind.removeprefix(f"{table}/") if isinstance(kind, str) else ""
+        if short and short not in known and any(entry["kind"] == f"{table}/{short}" for entry in _core.components()):
+            names = {"table": table, "kind": kind, "short": short, "known": " or ".join(known)}
+            raise invalid(f"{table}.kind", "describe.of-circuits", **names)
+        return data
+
+
 class EndStop(Described):
     """Contact with the end cover.
 
@@ -192,7 +208,7 @@ def assumed_stops(prefix: str, given: Collection[str], stops: tuple[Sequence[flo
     return [f"{prefix}{key} = {line}".replace("e+0", "e") for key, line in lines.items() if key not in given]
 
 
-#: Key that exists only in circuits, or key of a choice with more words in circuits -> remedy.
+#: Key that exists only in circuits -> remedy.
 _ELSEWHERE = package_table(__file__, "elsewhere.toml")
 
 
@@ -201,7 +217,7 @@ def _elsewhere(table: str) -> dict[str, str]:
     return {key: text.format(opened=_ELSEWHERE["opened"]) for key, text in _ELSEWHERE[table].items()}
 
 
-class Cylinder(Described):
+class Cylinder(_DrivePart):
     """Double-acting cylinder; x grows towards the end of chamber b, and chamber a grows with x.
 
     `leakage` is the sonic conductance of the gap past the piston, between the chambers; its critical pressure ratio
@@ -272,7 +288,7 @@ class FlowCoefficient(Quantity):
 SWITCHING = "switching-5/3"
 
 
-class Valve(Described):
+class Valve(_DrivePart):
     """5/3 valve, proportional or switching.
 
     A command u > 0 connects the supply to a and b to the exhaust, with the fraction u of the conductance. A command u <

@@ -8,7 +8,7 @@ from pneudrive.units import Pressure as _Pressure, UnitFloat as _UnitFloat
 _Given: _TypeAlias = str | float | _UnitFloat | _Mapping[str, _Any]
 from _typeshed import Incomplete
 from collections.abc import Collection, Mapping as Mapping, Sequence as Sequence
-from pneudrive import constants as constants, units as units
+from pneudrive import _core as _core, constants as constants, units as units
 from pneudrive.arrays import NamedNumbers as NamedNumbers, Pair as Pair, Plain as Plain
 from pneudrive.constants import (
     AIR_GAS_CONSTANT_J_KG_K as AIR_GAS_CONSTANT_J_KG_K,
@@ -94,6 +94,10 @@ class Supply(Described):
     def temperature(self) -> _UnitFloat | None: ...
     def __init__(self, *, pressure: _Given | _Pressure, temperature: _Given | None = ...) -> None: ...
 
+class _DrivePart(Described):
+    @classmethod
+    def refuse_kind_of_circuits(cls, data: Any) -> Any: ...
+
 class EndStop(Described):
     table_name: ClassVar[str]
     stiffness_n_m: float | None
@@ -116,7 +120,7 @@ _ELSEWHERE: Incomplete
 
 def _elsewhere(table: str) -> dict[str, str]: ...
 
-class Cylinder(Described):
+class Cylinder(_DrivePart):
     table_name: ClassVar[str]
     elsewhere: ClassVar[Mapping[str, str]]
     kind: Literal["rodless", "through-rod", "single-rod"]
@@ -183,7 +187,7 @@ class FlowCoefficient(Quantity):
 
 SWITCHING: str
 
-class Valve(Described):
+class Valve(_DrivePart):
     table_name: ClassVar[str]
     elsewhere: ClassVar[Mapping[str, str]]
     kind: Literal["proportional-5/3", "switching-5/3"]
