@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from pneudrive import _core, units
-from pneudrive.repr_tables import Shown
-from pneudrive.signals.motion import turning_points
+from pneudrive.repr_tables import Card, Shown
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -302,6 +301,16 @@ class Reference(Shown):
             moves.append(ReferenceMove(begin_s, round(factor * move.duration_s, 6), move.to_m))
         return stairs(self.start_m, moves, self.rest_s)
 
+    def _card(self) -> Card:
+        reach = self.reach()
+        rows = [
+            ("positions", f"{1e3 * reach.lowest_m:g} .. {1e3 * reach.highest_m:g} mm"),
+            ("largest speed", f"{reach.fastest_m_s:.4g} m/s at {reach.at_s:.4g} s"),
+        ]
+        if self.points_missed_m is not None:
+            rows.append(("points missed by", f"{1e6 * self.points_missed_m:.3g} um at most"))
+        return Card(self.text, rows=rows)
+
 
 def speed_shares(velocity_m_s: Array, speeds_m_s: Pair) -> Array:
     """Return velocities as fractions of a drive's speed in the same direction, from its speeds in +x and -x (m/s)."""
@@ -344,11 +353,26 @@ def ways_of(motion: Keyed) -> list[ReferenceMove]:
                 real = roots[np.abs(roots.imag) < _REAL].real
                 shares = [*np.sort(real[(real > 0.0) & (real < 1.0)]), 1.0]
                 points += [(begin_s + duration_s * float(share), float(path(share))) for share in shares]
-        turns = turning_points(np.array([at_m for _, at_m in points]), TURN_M)[1:]
-        for at_s, to_m in [points[turn] for turn in turns] or points[-1:]:
+        for at_s, to_m in _turns(points):
             found.append(ReferenceMove(before[0], at_s - before[0], to_m))
             before = (at_s, to_m)
     return found
+
+
+def _turns(points: Sequence[Pair]) -> list[Pair]:
+    """Return the points at which a path reverses by more than `TURN_M`, and its last extreme position."""
+    found, far, way = [], points[0], 0.0
+    for point in points[1:]:
+        ahead = point[1] - far[1]
+        if way == 0.0:
+            if abs(ahead) > TURN_M:
+                far, way = point, float(np.sign(ahead))
+        elif way * ahead >= 0.0:
+            far = point
+        elif abs(ahead) > TURN_M:
+            found.append(far)
+            far, way = point, -way
+    return [*found, far if way else points[-1]]
 
 
 def sine(amplitude_m: float, frequency_hz: float, centre_m: float) -> Reference:

@@ -407,8 +407,9 @@ def check_plausible(recording: DriveRecording, stroke: float, ambient: float, su
             low, high = np.nanquantile(recording[column], QUANTILES)  # single outliers are ignored
             if low < least or high > most:
                 numbers = {"low": low, "high": high, "stroke": stroke, "ambient": ambient, "supply": supply}
-                message = "signals.impossible-positions" if column == "position_m" else "signals.impossible-pressures"
-                raise RecordingError.of(message, where=where, column=column, **numbers)
+                if column == "position_m":
+                    raise RecordingError.of("signals.impossible-positions", where=where, column=column, **numbers)
+                raise RecordingError.of("signals.impossible-pressures", where=where, column=column, **numbers)
 
 
 def refuse_standstill(recordings: Sequence[DriveRecording], free: Sequence[str]) -> None:

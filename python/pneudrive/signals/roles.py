@@ -76,8 +76,8 @@ class RoleSearch:
     """Columns of a table with guesses and questions about their roles.
 
     ``taken`` has the numbers of columns whose role is decided, or that certainly have no role. ``time`` has the times
-    of the samples, or their numbers without a time column. ``of_time`` has the columns of the time. ``clocks`` maps
-    columns with another time to the column of that time.
+    of the samples, or their numbers without a time column. ``of_time`` has the columns of the time, and ``rate_hz`` the
+    rate that the file states instead. ``clocks`` maps columns with another time to the column of that time.
     """
 
     form: FileForm
@@ -85,6 +85,7 @@ class RoleSearch:
     taken: set[int]
     time: Array
     of_time: tuple[int, ...] = ()
+    rate_hz: float = 0.0
     clocks: dict[int, int] = field(default_factory=dict)
     guesses: list[Guess] = field(default_factory=list)
     questions: list[Question] = field(default_factory=list)
@@ -98,12 +99,14 @@ class RoleSearch:
         raw = [column.values for column in read]
         search = cls(form, read, {*form.words}, np.arange(raw[0].size, dtype=float))
         search._find_time()
-        for column in read:  # a slow column is filled, and one with a separate clock is aligned
+        for column in read:  # a slow column is filled, and one with a separate clock or start is aligned
             if column.index in search.taken:
                 continue
             values, _ = unwrapped(column.values, COUNTERS)
             if (clock := search.clocks.get(column.index)) is not None:
                 column.values = on_clock(search.time, raw[clock], values)
+            elif late := search._late(column):
+                column.values = on_clock(search.time, search.time + late * search.rate_hz, values)
             else:
                 column.values = filled(search.time, values)
         search._position()
@@ -180,6 +183,10 @@ class RoleSearch:
                 alike = (first for first in last if same_signal(self.columns[first].values, column.values))
                 last[next(alike, column.index)] = column
         return [*last.values()]
+
+    def _late(self, column: FileColumn) -> float:
+        """Return the start of a channel without times, in s after the start of the first channel."""
+        return 0.0 if self.of_time else self.form.starts_s.get(column.index, 0.0)
 
     def _find_time(self) -> None:
         """Find the time column or the sample rate. Other dates and row counters then count as used columns, too."""
@@ -260,11 +267,10 @@ class RoleSearch:
         if len(steps_s) > 1:
             shown = ", ".join(f"{step:g} s" for step in steps_s)
             self._ask("time", f"the channels have different rates ({shown}): resample them, or export one rate", [])
-        elif self.form.starts_differ:
-            self._ask("time", "the channels start at different times: export a column of times", [])
         elif any(steps_s):
+            self.rate_hz = 1.0 / steps_s[0]
             reason = f"the file states the rate: {' '.join(self.form.source.split())[:40]}"
-            self.guesses.append(Guess("time", None, "", reason, keys=f'rate = "{1.0 / steps_s[0]:.6g} Hz"'))
+            self.guesses.append(Guess("time", None, "", reason, keys=f'rate = "{self.rate_hz:.6g} Hz"'))
         else:
             only = f", column {numbered[0].place!r} numbers the rows" if numbered else ""
             self._ask("time", f"no column increases like a time{only}: {ASK_RATE}", [])
@@ -469,6 +475,8 @@ class RoleSearch:
             keys += ["offset = 0.0"] if column.unit is not None and column.unit.si != "count" else []
         if (clock := self.clocks.get(column.index)) is not None:
             keys.append(f"clock = {value_text(self.columns[clock].place)}")
+        if late := self._late(column):
+            keys.append(f'delay = "{-late:.9g} s"')
         reason = f"{', '.join(one.evidence)}, unit {'as named' if is_named else 'guessed from its size'}"
         reason = "; ".join(filter(None, [reason, one.rank]))
         return Guess(role, column, unit, reason, gauge, ", ".join(keys))

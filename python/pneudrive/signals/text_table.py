@@ -370,8 +370,8 @@ class FileForm:
 
     ``dates`` holds the columns of dates and times, by number, with their formats. ``words`` holds columns of texts,
     with the number of different texts in the first rows.
-    ``steps_s``, ``starts_differ`` and ``source`` are those of `read_preamble`. ``other_lengths`` has the lengths, by
-    name, of channels that do not fit into the table.
+    ``steps_s``, ``starts_s`` and ``source`` are those of `read_preamble`. ``other_lengths`` has the lengths, by name,
+    of channels that do not fit into the table.
     """
 
     format: str
@@ -382,7 +382,7 @@ class FileForm:
     dates: dict[int, str] = field(default_factory=dict)
     words: dict[int, int] = field(default_factory=dict)
     steps_s: tuple[float, ...] = ()
-    starts_differ: bool = False
+    starts_s: dict[int, float] = field(default_factory=dict)
     source: str = ""
     other_lengths: dict[str, int] = field(default_factory=dict)
 
@@ -510,7 +510,7 @@ def _with_header(lines: Lines, reading: _Reading) -> FileForm:
     """Find the first row of numbers and the header above it."""
     form, width = replace(reading.form, header=True), reading.width
     first = _first_of_numbers(lines, reading)
-    stated, steps_s, starts_differ, source = read_preamble(lines[:first], form, width)
+    stated, steps_s, starts_s, source = read_preamble(lines[:first], form, width)
     # The rows next to the numbers are names, units and descriptions. The row of names has names of most roles; among
     # equal rows it is the one above the units. Names for fewer than half of the columns are a preamble.
     rows = list(_rows_above(lines[:first], form, width))
@@ -529,7 +529,7 @@ def _with_header(lines: Lines, reading: _Reading) -> FileForm:
             dates[column] = written
     words = {at: len({row[at] for row in numbers}) for at in reading.words}
     units = (units if named else []) or stated
-    return FileForm("csv", form, names, units, width, dates, words, steps_s, starts_differ, source)
+    return FileForm("csv", form, names, units, width, dates, words, steps_s, starts_s, source)
 
 
 def _first_of_numbers(lines: Lines, reading: _Reading) -> int:
@@ -584,40 +584,56 @@ def _are_units(fields: Fields) -> bool:
     return any(unit.si for unit in known) and 2 * len(known) > len(filled)
 
 
-def read_preamble(lines: Lines, form: TextForm, width: int) -> tuple[Fields, tuple[float, ...], bool, str]:
+def read_preamble(lines: Lines, form: TextForm, width: int) -> tuple[Fields, tuple[float, ...], dict[int, float], str]:
     """Read the lines above a table. The last line of each kind is used.
 
     Returns
     -------
-    list, tuple, bool, str
-        Units of the columns; time steps of the samples in s (one for all channels, or one for each); whether the
-        channels start at different times; and the line that states the steps.
+    list, tuple, dict, str
+        Units of the columns; time steps of the samples in s (one for all channels, or one for each); first times in s
+        by column; and the line that states the steps.
     """
     steps: tuple[float, ...] = ()
     source = ""
-    starts_differ = False
+    starts: dict[int, float] = {}
+    clocks: dict[int, float] = {}
     units: Fields = []
     for line in lines:
         label, *cells = split_row(line, form.delimiter)[:width] or [""]
         word = label.strip(" #%:").lower()
-        filled = [cell for cell in cells if cell]
-        numbers = _numbers(filled, form)
-        if word == "delta_x" and numbers and min(numbers) > 0:
-            steps, source = tuple(numbers), line.strip()
-        elif (word == "x0" and numbers) or (word == "time" and all(map(looks_like_date_time, filled))):
-            starts_differ |= len(set(filled)) > 1
+        numbers = _numbers(cells, form)
+        if word == "delta_x" and numbers and min(numbers.values()) > 0:
+            steps, source = tuple(numbers.values()), line.strip()
+        elif word == "x0" and numbers:
+            starts = numbers
+        elif word == "time" and cells:
+            clocks = _clocks(cells)
         elif word == "y_unit_label" and any(header_unit(cell) for cell in cells):
             units = ["", *cells]
         elif match := RATE.search(line) or STEP.search(line):
             unit = SAMPLES.get(match.group(2).lower(), 1e-6)
             value = float(match.group(1).replace(",", ".")) * unit
             steps, source = (value if match.re is STEP else 1.0 / (value or 1.0),), line.strip()
-    return units, steps, starts_differ, source
+    if set(clocks) == set(starts):
+        starts = {at: starts[at] + clocks[at] for at in starts}
+    first = min(starts.values(), default=0.0)
+    starts = {at: start - first for at, start in starts.items()}
+    return units, steps, starts if any(starts.values()) else {}, source
 
 
-def _numbers(cells: Fields, form: TextForm) -> list[float]:
-    """Return the numbers of a labelled line; empty if a cell is a text."""
+def _numbers(cells: Fields, form: TextForm) -> dict[int, float]:
+    """Return the numbers of a labelled line by column; empty if a cell is a text."""
     try:
-        return [float(cell.replace(form.decimal, ".")) for cell in cells]
+        return {at: float(cell.replace(form.decimal, ".")) for at, cell in enumerate(cells, 1) if cell}
     except ValueError:
-        return []
+        return {}
+
+
+def _clocks(cells: Fields) -> dict[int, float]:
+    """Return the times of day of a labelled line, by column."""
+    texts = {at: cell.replace(",", ".") for at, cell in enumerate(cells, 1) if cell}
+    are_clocks = bool(texts) and all(map(looks_like_date_time, texts.values()))
+    written = guess_form(list(texts.values())) if are_clocks else None
+    if written is None:
+        return {}
+    return dict(zip(texts, seconds(list(texts.values()), written, Path()).tolist(), strict=True))

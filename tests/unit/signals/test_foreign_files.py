@@ -157,8 +157,9 @@ def lvm(table, times, segment=0):
 def test_measurement_files_without_a_column_of_times_and_in_segments(table, tmp_path):
     (tmp_path / "a.lvm").write_text(lvm(table, "No"))
     assert 'time = { rate = "50 Hz" }' in proposed(tmp_path / "a.lvm").text
-    (tmp_path / "a.lvm").write_text(lvm(table, "No").replace("X0\t0,000", "X0\t0,100"))
-    assert "the channels start at different times: export a column" in propose_layout(tmp_path / "a.lvm").problem
+    (tmp_path / "late.lvm").write_text(lvm(table, "No").replace("X0\t0,000", "X0\t0,100"))
+    text = propose_layout(tmp_path / "late.lvm").text
+    assert 'position = { column = "Position", unit = "mm", delay = "-0.1 s" }' in text  # it starts 0.1 s later
     (tmp_path / "b.lvm").write_text(lvm(table, "One", segment=200))
     proposed(tmp_path / "b.lvm")
     again = table.copy()
