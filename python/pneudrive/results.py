@@ -22,7 +22,7 @@ from pneudrive.describe import Circuit, Drive
 from pneudrive.describe.all_values import values_of
 from pneudrive.describe.files import toml
 from pneudrive.describe.files.load import load_described
-from pneudrive.describe.tables.valve_flow import conductance_key
+from pneudrive.describe.tables.valve_flow import NEEDLE, conductance_key
 from pneudrive.describe.tank import Tank
 from pneudrive.errors import CommandError, DescriptionError
 from pneudrive.estimate.estimates import whole_interval
@@ -556,8 +556,9 @@ def _values(result: Any, other: Any) -> dict[str, Compared]:  # noqa: ANN401 - a
             # The nominal flow, Kv or Cv of a path is compared as its conductance, if the other description states that.
             size = conductance_key(key)
             if size != key and size in keys:
-                name, _, last = size.removeprefix("components.").partition(".")
-                number = result.circuit.components[name].core(0.0)["numbers"][last]
+                name, _, last = size.removeprefix("components.").rpartition(".")  # flow_control.a is flow_control_a
+                numbers = result.circuit.components[name.replace(".", "_")].core(0.0)["numbers"]
+                number = numbers[last if last in numbers else f"{NEEDLE}{last}"]
                 key, value = size, f"{1e8 * number:.4g} dm3/(s bar)"
             values[key] = value, ends.get(key, ""), _number(value)
         return values | {f"connection {each}": ("yes", "", None) for each in getattr(result, "connections", ())}

@@ -120,6 +120,16 @@ def test_two_circuits_are_compared_in_one_unit(tmp_path):
     assert all(abs(pair.change) < 1e-3 for pair in pairs)
 
 
+def test_needles_of_two_drives_are_compared_as_conductances():
+    sizes = {"critical_pressure_ratio": 0.3, "check_conductance": "4 dm3/(s bar)"}
+    first, second = (
+        pn.Drive.load("catalogue:reference").replace({"flow_control": {"a": sizes | {key: size}}})
+        for key, size in (("conductance", "2 dm3/(s bar)"), ("nominal_flow", "300 l/min ANR"))
+    )
+    (pair,) = pn.compare_results(first, second).values
+    assert (pair.key, pair.after) == ("flow_control.a.conductance", "1.18 dm3/(s bar)")  # ISO 6358 by hand
+
+
 def test_gauge_and_absolute_pressure_have_no_relative_change():
     drive = pn.Drive.load("catalogue:reference")
     both = (drive.replace({"supply.pressure": text}) for text in ("6 bar gauge", "7.013 bar abs"))

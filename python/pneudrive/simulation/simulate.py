@@ -336,7 +336,7 @@ def number_of(given: str | float, si_unit: str, what: str) -> float:
         with naming(what):
             value = units.parse(given, si_unit) if isinstance(given, str) and si_unit not in ("", "1") else float(given)
     except (TypeError, ValueError):
-        rule = f"a text with a unit, or a number in {si_unit}"
+        rule = f"a text with a unit, or a number in {si_unit}" if si_unit not in ("", "1") else "a number without unit"
         raise CommandError(f"{what} = {given} has the type {type(given).__name__}", rule=rule) from None
     if not math.isfinite(value):
         raise CommandError(f"{what} = {given} is out of bounds", rule="finite")
