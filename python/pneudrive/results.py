@@ -267,7 +267,12 @@ def _fit_pairs(before: FrictionFit, after: FrictionFit) -> Iterator[CurvePair]:
 
 
 def _law_pair(
-    label: str, before: FrictionFit, after: FrictionFit, x: Array, axes: tuple[str, str], at: tuple[Any, Any, Any]
+    label: str,
+    before: FrictionFit,
+    after: FrictionFit,
+    x: Array,
+    axes: tuple[str, str],
+    at: tuple[Any, Any, Any],
 ) -> CurvePair:
     """Return the curves of two laws at the given speeds and gauge pressures, with bands and difference.
 

@@ -173,7 +173,12 @@ def can_be_resumed(error: BaseException) -> bool:
 
 
 def _run(
-    campaign: Campaign, plan: Plan, bench: Rig, options: Options | None, lock: FolderLock, subscribers: Subscribers
+    campaign: Campaign,
+    plan: Plan,
+    bench: Rig,
+    options: Options | None,
+    lock: FolderLock,
+    subscribers: Subscribers,
 ) -> Result:
     """Run a campaign to its end. The operator is taken from the folder, unless the options name one."""
     options = options or Options()

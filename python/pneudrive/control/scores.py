@@ -304,7 +304,14 @@ def _spans(start: float, moves: list[ReferenceMove], end_s: float) -> Iterator[t
         start = move.to_m
 
 
-def _of_moves(time: Array, x: Array, v: Array, error: Array, start: float, moves: list[ReferenceMove]) -> Plain:
+def _of_moves(
+    time: Array,
+    x: Array,
+    v: Array,
+    error: Array,
+    start: float,
+    moves: list[ReferenceMove],
+) -> Plain:
     """Return settling times, error at rest, hunting and slips after the moves."""
     found: dict[str, list[float]] = {name: [] for name in ("rest_error_m", "hunting_m", "slips")}
     settling: dict[float, list[float]] = {band: [] for band in BANDS_M}

@@ -129,29 +129,22 @@ class Characteristic:
 
 
 def characteristic(name: str, **more: Any) -> Callable[[Find], Characteristic]:  # noqa: ANN401
-    """Make a characteristic from a function, whose docstring gives all texts.
-
-    Its first line is the title. The definition follows, then the fields ``:algorithm:``, ``:standard:`` and
-    ``:cites:``, and the sections ``Settings`` and ``Results``.
+    """Make a characteristic from a function, whose docstring gives title, definition, settings and results.
 
     Parameters
     ----------
     name : str
     **more
-        Other fields of `Characteristic`, and the definition if it is not in the docstring.
+        Other fields of `Characteristic`: the algorithm, and the definition if it is not in the docstring.
     """
 
     def made(find: Find) -> Characteristic:
         (text, described), (rest, results) = (parts_of(find, heading) for heading in ("Settings", "Results"))
-        text, *fields = min(text, rest, key=len).split("\n:")
+        text = min(text, rest, key=len)
         title, _, meaning = text.partition("\n\n")
-        parts = (field.partition(": ") for field in fields)
-        stated: Plain = {key: " ".join(value.split()) for key, _, value in parts}
-        if "cites" in stated:
-            stated["cites"] = tuple(stated["cites"].split(", "))
         defaults = {key: one.default for key, one in list(signature(find).parameters.items())[1:]}
         settings = {key: (default, described[key][1]) for key, default in defaults.items()}
-        about: Plain = {"title": title.rstrip(".\n"), "definition": " ".join(meaning.split())} | stated | more
+        about: Plain = {"title": title.rstrip("."), "definition": " ".join(meaning.split())} | more
         return Characteristic(name, find=find, settings=settings, results=results, **about)
 
     return made

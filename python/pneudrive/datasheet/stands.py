@@ -77,16 +77,19 @@ def reduce_flow(
     return conductance * first, ratio, float(np.max(np.abs(found.fun)))
 
 
-@characteristic("flow", x="ratio", y="flow")
+@characteristic(
+    "flow",
+    algorithm="virtual test stand: reservoirs at both ends of the path; least squares by the core's flow law",
+    standard="ISO 6358-1; with lines ISO 6358-3",
+    cites=("iso6358-2013",),
+    x="ratio",
+    y="flow",
+)
 def _flows(plant: HeldDrive) -> Found:
     """Flow of the paths (C and b).
 
     Sonic conductance and critical pressure ratio of each path between valve port and chamber, including lines. They
     are fitted to steady flows over the pressure ratio, with the supply pressure upstream.
-
-    :algorithm: virtual test stand: reservoirs at both ends of the path; least squares by the core's flow law
-    :standard: ISO 6358-1; with lines ISO 6358-3
-    :cites: iso6358-2013
 
     Results
     -------
@@ -129,15 +132,18 @@ def _flows(plant: HeldDrive) -> Found:
     }
 
 
-@characteristic("leakage", x="time", y="pressure")
+@characteristic(
+    "leakage",
+    algorithm="simulated with the valve shut",
+    standard="form of ISO 10099",
+    x="time",
+    y="pressure",
+)
 def _leakage(plant: HeldDrive) -> Found:
     """Leakage of shut chambers.
 
     Pressure decay of a chamber that was filled from the supply and shut with its line. The piston is at its end, and
     the other chamber at ambient pressure. The gas starts at ambient temperature.
-
-    :algorithm: simulated with the valve shut
-    :standard: form of ISO 10099
 
     Results
     -------
@@ -239,11 +245,10 @@ def parts_of(drive: Drive) -> Iterator[Entry]:
     definition="Published figures of the parts of this drive, and the figures of the drive: "
     + "; ".join(f"{key.replace('_', ' ')}: {meaning}" for key, (meaning, *_) in FIGURES.items())
     + ".",
+    algorithm="the characteristics of this list, under the conditions of the print",
 )
 def _published(plant: HeldDrive) -> Found:
     """Printed figures of the parts.
-
-    :algorithm: the characteristics of this list, under the conditions of the print
 
     Results
     -------

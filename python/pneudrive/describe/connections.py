@@ -250,7 +250,15 @@ class Wiring:
         known = ", ".join(port.name for port in self.ports(component))
         raise invalid(key, "describe.no-such-port", component=component, name=name, kind=kind, known=known)
 
-    def _join(self, one: Port, other: Port, chain: str, key: str, *, is_line: bool) -> None:
+    def _join(
+        self,
+        one: Port,
+        other: Port,
+        chain: str,
+        key: str,
+        *,
+        is_line: bool,
+    ) -> None:
         ports, ends = (one, other), [one.id, other.id]
         pilots = [port.id for port in ports if port.is_pilot]
         if pilots and not is_line:  # gas would flow through a pilot port

@@ -148,7 +148,14 @@ class FitFile(_Table):
         return {name: entry for group in self.groups for name, entry in group.items()}
 
     @classmethod
-    def read(cls, content: Plain, title: str, groups: Sequence[str], where: str, text: str) -> FitFile:
+    def read(
+        cls,
+        content: Plain,
+        title: str,
+        groups: Sequence[str],
+        where: str,
+        text: str,
+    ) -> FitFile:
         """Check keys and types of a file. All groups of values except the first are optional.
 
         Parameters

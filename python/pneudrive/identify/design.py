@@ -242,7 +242,12 @@ def _forms(data: sliding.Observations, wanted: Sequence[str] | None) -> tuple[st
 
 
 def _compared(
-    name: str, form: str | None, data: sliding.Observations, folds: Ints, notes: list[str], selected: Plain
+    name: str,
+    form: str | None,
+    data: sliding.Observations,
+    folds: Ints,
+    notes: list[str],
+    selected: Plain,
 ) -> Compared | str:
     """Fit a law and predict the held-out conditions, or return the reason why this is not possible."""
     wide = float(data.speed_m_s.max() / data.speed_m_s.min()) >= SPEED_SPAN

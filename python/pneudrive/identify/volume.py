@@ -379,7 +379,12 @@ def _result(
 
 
 def _lost(
-    tank: Tank, records: list[VolumeRecording], number: Parameter, value: float, low: float, high: float
+    tank: Tank,
+    records: list[VolumeRecording],
+    number: Parameter,
+    value: float,
+    low: float,
+    high: float,
 ) -> Undetermined | None:
     """Return a statement on an undetermined value, with its limit if known; None if the value is determined."""
     name, upper = number.name, number.upper

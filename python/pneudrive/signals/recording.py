@@ -441,7 +441,14 @@ def refuse_channels(recording: Recording, strokes: Sequence[Stroke] = ()) -> Non
         _no_more("the strokes are", longest, LONGEST_M, "m long", "position", where)
 
 
-def _no_more(what: str, value: float, limit: float, unit: str, column: str, where: str) -> None:
+def _no_more(
+    what: str,
+    value: float,
+    limit: float,
+    unit: str,
+    column: str,
+    where: str,
+) -> None:
     if value > limit:
         names = {"what": f"{what} {value:.4g} {unit}", "most": f"{limit:g} {unit}", "column": column}
         raise RecordingError.of("signals.more-than-any", where=where, **names)

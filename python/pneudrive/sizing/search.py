@@ -139,7 +139,12 @@ class Search:
     """
 
     def __init__(
-        self, task: SizingTask, most: int, asked: tuple[int, int], watch: Watch, folder: SizingFolder | None
+        self,
+        task: SizingTask,
+        most: int,
+        asked: tuple[int, int],
+        watch: Watch,
+        folder: SizingFolder | None,
     ) -> None:
         """Prune the catalogue, without simulation."""
         self.task, self.most, self.watch, self.folder = task, most, watch, folder

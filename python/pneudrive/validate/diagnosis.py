@@ -180,7 +180,14 @@ class _Fit:
     share: float
 
     @classmethod
-    def single(cls, cause: Cause, amount: float, column: Array, after: Array, left: Array) -> _Fit:
+    def single(
+        cls,
+        cause: Cause,
+        amount: float,
+        column: Array,
+        after: Array,
+        left: Array,
+    ) -> _Fit:
         """Return the fit of one cause to a residual."""
         share = 1.0 - float(after @ after) / float(left @ left)
         return cls([cause], np.array([amount]), column[None], after, share)

@@ -301,7 +301,13 @@ def _sweep(plan: Plan, pair: Pair, turn: str, speed: float) -> Planned:
 
 
 def _stop(
-    plan: Plan, pair: Pair, position: AxisPosition, released: bool, speed: float, direction: str, stop_s: float
+    plan: Plan,
+    pair: Pair,
+    position: AxisPosition,
+    released: bool,
+    speed: float,
+    direction: str,
+    stop_s: float,
 ) -> Planned:
     """Return the cycle of a stop: preconditioning strokes, uninterrupted stroke, interrupted stroke, return stroke."""
     stop, (low, high) = plan.protocol.stop, plan.ends_m

@@ -163,7 +163,14 @@ def check_path(platform: Platform, tunings: list[Tuning], needs: Demands) -> Nam
 
 
 def _check_limit(
-    name: str, times: Array, what: str, unit: str, values: Array, low: float, high: float, remedy: str
+    name: str,
+    times: Array,
+    what: str,
+    unit: str,
+    values: Array,
+    low: float,
+    high: float,
+    remedy: str,
 ) -> None:
     margins = np.minimum(values - low, high - values)
     row = int(np.argmin(margins))

@@ -118,17 +118,18 @@ def losses(accounts: NamedNumbers, ambient_k: float) -> NamedNumbers:
     return dict(sorted(out.items(), key=lambda one: -one[1]))
 
 
-@characteristic("air")
+@characteristic(
+    "air",
+    algorithm="flow out of the supply integrated along the solver's steps, one cycle of several",
+    standard="volumes by ISO 8778",
+    cites=("iso8778-2003",),
+)
 def _air(plant: HeldDrive, half_period: float | None = None) -> Found:
     """Air per cycle.
 
     Mass drawn from the supply in one periodic cycle out and back, as volume at the standard reference atmosphere.
     One value is for a cycle in which the chambers fill and vent completely, the other for the cycle of the square
     response.
-
-    :algorithm: flow out of the supply integrated along the solver's steps, one cycle of several
-    :standard: volumes by ISO 8778
-    :cites: iso8778-2003
 
     Settings
     --------
@@ -160,15 +161,18 @@ def _air(plant: HeldDrive, half_period: float | None = None) -> Found:
     return litres_anr(full, density), full / normal * 1e3, litres, half, 30.0 * litres / half, full_half
 
 
-@characteristic("exergy", x="loss", y="lost")
+@characteristic(
+    "exergy",
+    algorithm="ledger of the run (accounts of energy and entropy), one cycle of several",
+    cites=("bejan2016",),
+    x="loss",
+    y="lost",
+)
 def _exergy(plant: HeldDrive) -> Found:
     """Exergy and its losses.
 
     Exergy of the air drawn in one periodic cycle, relative to ambient, and exergy lost in each component: ambient
     temperature times the entropy that it produces. The period is long enough to fill and vent the chambers.
-
-    :algorithm: ledger of the run (accounts of energy and entropy), one cycle of several
-    :cites: bejan2016
 
     Results
     -------

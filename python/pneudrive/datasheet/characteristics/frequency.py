@@ -56,7 +56,14 @@ def response(linear: Linear, output: str, frequencies: Array) -> Array:
     return np.array([c @ np.linalg.solve(2j * math.pi * f * unity - linear.A, b) + d for f in frequencies])
 
 
-@characteristic("bode", x="frequency", y="velocity_magnitude velocity_phase", needs_shares=True, held=True)
+@characteristic(
+    "bode",
+    algorithm="exact linearisation by the core, evaluated at frequencies",
+    x="frequency",
+    y="velocity_magnitude velocity_phase",
+    needs_shares=True,
+    held=True,
+)
 def _bode(plant: HeldDrive, position: float | None = None, frequencies: Any = None) -> Found:  # noqa: ANN401
     """Frequency response.
 
@@ -64,8 +71,6 @@ def _bode(plant: HeldDrive, position: float | None = None, frequencies: Any = No
     of the valve. The point is mid stroke, with pressures of slow steady motion, a valve that begins to open (u > 0),
     and viscous friction. A valve with negative overlap is at its centre, where both edges of a chamber are open.
     `pn.linearise` gives the model at other points.
-
-    :algorithm: exact linearisation by the core, evaluated at frequencies
 
     Settings
     --------
@@ -119,14 +124,18 @@ def _bode(plant: HeldDrive, position: float | None = None, frequencies: Any = No
     return f, size, 20.0 * np.log10(size), phase, size / (2.0 * math.pi * f), np.abs(a - b), *numbers
 
 
-@characteristic("describing-function", x="frequency", y="gain", needs_shares=True)
+@characteristic(
+    "describing-function",
+    algorithm="simulated, command in 200 steps a period; two periods by Fourier transform after four of settling",
+    x="frequency",
+    y="gain",
+    needs_shares=True,
+)
 def _describing(plant: HeldDrive, amplitudes: Any = AMPLITUDES, frequencies: Any = SINE_HZ) -> Found:  # noqa: ANN401
     """Response to large sines.
 
     First harmonic of the velocity relative to a sinusoidal command, and the other harmonics relative to the first, for
     several amplitudes and frequencies. The piston starts at mid stroke and does not reach an end.
-
-    :algorithm: simulated, command in 200 steps a period; two periods by Fourier transform after four of settling
 
     Settings
     --------
@@ -188,7 +197,13 @@ def _over_sine(values: Array, amplitude: float) -> tuple[float, float, float]:
     return abs(first) / amplitude, math.degrees(np.angle(first)), distortion
 
 
-@characteristic("load-describing-function", x="frequency", y="compliance", held=True)
+@characteristic(
+    "load-describing-function",
+    algorithm="simulated, load in 200 steps a period; two periods by Fourier transform after four of settling",
+    x="frequency",
+    y="compliance",
+    held=True,
+)
 def _load_describing(
     plant: HeldDrive,
     amplitudes: Any = None,  # noqa: ANN401
@@ -200,8 +215,6 @@ def _load_describing(
     First harmonic of the position relative to a sinusoidal load, and the other harmonics relative to the first, for
     several amplitudes and frequencies. The valve is at command 0. The piston starts at mid stroke and does not reach an
     end.
-
-    :algorithm: simulated, load in 200 steps a period; two periods by Fourier transform after four of settling
 
     Settings
     --------
@@ -264,13 +277,16 @@ def moved(drive: Drive, name: str, factor: float) -> Drive:
     return drive.replace({name: units.UnitFloat(value, unit, given.mark.written) if unit else value})  # type: ignore[union-attr]
 
 
-@characteristic("sensitivity", x="parameter", y="stroke_time_sensitivity")
+@characteristic(
+    "sensitivity",
+    algorithm="central differences of 0.1 % of the number",
+    x="parameter",
+    y="stroke_time_sensitivity",
+)
 def _tornado(plant: HeldDrive, numbers: Any = None) -> Found:  # noqa: ANN401 - a sequence of names
     """Sensitivity to each number of the drive.
 
     Relative change of a result divided by the relative change of one number of the drive file.
-
-    :algorithm: central differences of 0.1 % of the number
 
     Settings
     --------
@@ -424,14 +440,17 @@ def _row(drive: Drive) -> NamedNumbers:
     return dict(zip(TABLE["tubes"], numbers, strict=True))
 
 
-@characteristic("lines", x="length", y="mean_speed")
+@characteristic(
+    "lines",
+    algorithm="`pneudrive lines`: steady flow through the exhaust path, and simulated strokes",
+    x="length",
+    y="mean_speed",
+)
 def _lines(plant: HeldDrive, lengths: Any = LENGTHS, diameters: Any = DIAMETERS) -> Found:  # noqa: ANN401 - sequences
     """Speed against the tubes.
 
     Choked speed, stroke times, mean speed and end speed with steady tubes of equal length and bore at both chambers.
     Strokes start from rest, with the emptying chamber at supply pressure.
-
-    :algorithm: `pneudrive lines`: steady flow through the exhaust path, and simulated strokes
 
     Settings
     --------

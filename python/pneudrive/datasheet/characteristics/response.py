@@ -152,16 +152,19 @@ def _numbers(motion: StrokeRun, dims: tuple[str, ...]) -> dict[str, ResultValue]
     return {name: ResultValue(dims, values[name], unit, meaning) for name, (unit, meaning) in STROKE_MEANING.items()}
 
 
-@characteristic("step-response", x="time", y="position")
+@characteristic(
+    "step-response",
+    algorithm="simulated with default tolerance; contacts located by the solver",
+    cites=("iso6358-2013", "steinebach2023"),
+    x="time",
+    y="position",
+)
 def _step(plant: HeldDrive, command: float = 1.0, position: float | None = None, pressures: Any = None) -> Found:  # noqa: ANN401
     """Response to a step.
 
     One stroke from rest. The stroke time runs from the command to the first contact with the end, the dead time from
     the command to 0.2 % of the distance. The rise time runs from 10 % to 90 % of the distance. The settling time ends
     when the position stays within 1 % of the distance.
-
-    :algorithm: simulated with default tolerance; contacts located by the solver
-    :cites: iso6358-2013, steinebach2023
 
     Settings
     --------
@@ -178,15 +181,18 @@ def _step(plant: HeldDrive, command: float = 1.0, position: float | None = None,
     return trace(motion) | _numbers(motion, ())
 
 
-@characteristic("square-response", x="time", y="position")
+@characteristic(
+    "square-response",
+    algorithm="three simulated cycles, of which the last is evaluated; half a period suffices for a stroke",
+    cites=("iso6358-2013", "steinebach2023"),
+    x="time",
+    y="position",
+)
 def _square(plant: HeldDrive) -> Found:
     """Response to a square command.
 
     Periodic strokes out and back under a square command, whose period is long enough to reach both ends. The results
     are defined as for a step.
-
-    :algorithm: three simulated cycles, of which the last is evaluated; half a period suffices for a stroke
-    :cites: iso6358-2013, steinebach2023
 
     Results
     -------
@@ -200,14 +206,17 @@ def _square(plant: HeldDrive) -> Found:
     return trace(motion) | _numbers(motion, ("direction",)) | {"both_strokes": both, "half_period": motion.half_s}
 
 
-@characteristic("impact", x="command", y="end_energy")
+@characteristic(
+    "impact",
+    algorithm="one simulated stroke for each command and direction, with ledger",
+    x="command",
+    y="end_energy",
+)
 def _impact(plant: HeldDrive) -> Found:
     """Impact at the ends.
 
     Speed and kinetic energy of the moving mass at the fastest contact with the end, and the total energy that the
     end stop absorbs. The stroke is a full one from rest, with the emptying chamber at supply pressure.
-
-    :algorithm: one simulated stroke for each command and direction, with ledger
 
     Results
     -------
@@ -254,15 +263,18 @@ NEEDLES = tuple(float(share) for share in np.geomspace(0.1, 10.0, 13))  # times 
 ENTRY_S, ENTRY_RATE_HZ = 1.0, 5e3
 
 
-@characteristic("cushion", x="speed", y="end_speed")
+@characteristic(
+    "cushion",
+    algorithm="one simulated stroke into the cushion for each point",
+    x="speed",
+    y="end_speed",
+)
 def _cushion(plant: HeldDrive, end_speed: float = END_SPEED) -> Found:
     """Capacity of the cushion.
 
     End speed and peak pressure of a piston that enters its cushion at a given speed, over mass, entry speed and
     needle opening. The valve is fully open, and the pressures at entry are those of slow steady motion. The largest
     admissible pressure is twice the supply (assumed).
-
-    :algorithm: one simulated stroke into the cushion for each point
 
     Settings
     --------
@@ -344,14 +356,17 @@ VOLUME_M3 = 1e-5
 REST_S, SWITCHING_RATE_HZ = 0.5, 1e5  # between the commands; samples
 
 
-@characteristic("valve-times", x="time", y="outlet_pressure")
+@characteristic(
+    "valve-times",
+    algorithm="virtual test stand: reservoir, valve, volume",
+    standard="form of ISO 12238",
+    x="time",
+    y="outlet_pressure",
+)
 def _times(plant: HeldDrive) -> Found:
     """Times of the valve.
 
     Time from switching on, or off, until the pressure in a volume of 10 cm3 at the outlet has made 10 % of its change.
-
-    :algorithm: virtual test stand: reservoir, valve, volume
-    :standard: form of ISO 12238
 
     Results
     -------

@@ -41,7 +41,14 @@ def full_force(plant: HeldDrive, direction: float, velocity: float = LEAST_VELOC
     return blocked, blocked - abs(plant.sliding(direction * velocity, pressures, plant.middle_m))
 
 
-@characteristic("velocity", x="command", y="velocity", held=True)
+@characteristic(
+    "velocity",
+    algorithm="all rates of the core are zero, by implicit steps that become Newton steps; steady friction",
+    cites=("iso6358-2013",),
+    x="command",
+    y="velocity",
+    held=True,
+)
 def _velocity(plant: HeldDrive) -> Found:
     """Steady velocity against command and load.
 
@@ -49,9 +56,6 @@ def _velocity(plant: HeldDrive) -> Found:
     0, 25 and 50 % of the stall force.
     Velocity gain and dead zone come from a line through two points without load. Their commands are 0.05 and 0.1 above
     the overlap, or above 0 if the overlap is negative.
-
-    :algorithm: all rates of the core are zero, by implicit steps that become Newton steps; steady friction
-    :cites: iso6358-2013
 
     Results
     -------
@@ -111,15 +115,19 @@ def velocity_gain(plant: HeldDrive, direction: float) -> Pair:
     return slope, low - slow / slope
 
 
-@characteristic("force-speed", x="load_force", y="speed", held=True)
+@characteristic(
+    "force-speed",
+    algorithm="as for velocity",
+    cites=("iso6358-2013",),
+    x="load_force",
+    y="speed",
+    held=True,
+)
 def _force(plant: HeldDrive, points: int = 12) -> Found:
     """Force against speed at full command.
 
     Load against which a steady speed is reached at command 1 and -1. The blocked force is the force of gas, weight,
     springs and described load on a pinned piston. The stall force is the blocked force minus the breakaway force.
-
-    :algorithm: as for velocity
-    :cites: iso6358-2013
 
     Settings
     --------
@@ -152,16 +160,21 @@ def _force(plant: HeldDrive, points: int = 12) -> Found:
     return shares, loads, speeds, blocked, stall
 
 
-@characteristic("pressure-gain", x="command", y="pressure_difference", needs_shares=True, held=True)
+@characteristic(
+    "pressure-gain",
+    algorithm="pressures and temperatures at which the rates of the core are zero, piston pinned at mid stroke",
+    standard="form of ISO 10041",
+    cites=("iso6358-2013",),
+    x="command",
+    y="pressure_difference",
+    needs_shares=True,
+    held=True,
+)
 def _pressure_gain(plant: HeldDrive) -> Found:
     """Pressure gain.
 
     Pressure difference of the chambers as a function of the command, with a piston blocked at mid stroke, and its slope
     at the centre.
-
-    :algorithm: pressures and temperatures at which the rates of the core are zero, piston pinned at mid stroke
-    :standard: form of ISO 10041
-    :cites: iso6358-2013
 
     Results
     -------
@@ -241,16 +254,20 @@ def levels_of(plant: HeldDrive, pressures: Any) -> list[float]:  # noqa: ANN401 
     return [1e5 * p for p in LEVELS if low < 1e5 * p < high] or [0.5 * (low + high)]
 
 
-@characteristic("stiffness", x="position", y="adiabatic_stiffness", held=True)
+@characteristic(
+    "stiffness",
+    algorithm="exact linearisation by the core without friction; states of the chambers eliminated at a frequency",
+    cites=("bejan2016",),
+    x="position",
+    y="adiabatic_stiffness",
+    held=True,
+)
 def _stiffness(plant: HeldDrive, pressures: Any = None) -> Found:  # noqa: ANN401
     """Stiffness of the air spring.
 
     Force over displacement of the piston with the valve at command 0, both chambers at one pressure and at wall
     temperature. The gas exchanges no heat in a fast motion, and keeps the temperature of the wall in a slow one. Gas
     that leaks through the valve, or flows through it with negative overlap, lowers the slow stiffness.
-
-    :algorithm: exact linearisation by the core without friction; states of the chambers eliminated at a frequency
-    :cites: bejan2016
 
     Settings
     --------
@@ -299,15 +316,19 @@ def _stiffness(plant: HeldDrive, pressures: Any = None) -> Found:  # noqa: ANN40
     }
 
 
-@characteristic("natural-frequency", x="position", y="natural_frequency", held=True)
+@characteristic(
+    "natural-frequency",
+    algorithm="square root of adiabatic stiffness over mass; eigenvalues of the exact linearisation",
+    x="position",
+    y="natural_frequency",
+    held=True,
+)
 def _frequency(plant: HeldDrive, pressures: Any = None) -> Found:  # noqa: ANN401
     """Natural frequency and damping.
 
     The moving mass is on the air spring with the valve at command 0 and both chambers at one pressure. The
     damping includes the viscous part of the friction, the heat of the wall and flow through the valve. Below breakaway
     the bristles add their stiffness.
-
-    :algorithm: square root of adiabatic stiffness over mass; eigenvalues of the exact linearisation
 
     Settings
     --------
@@ -406,15 +427,16 @@ def least_pressure(plant: HeldDrive, direction: float) -> float:
     return high
 
 
-@characteristic("minimum-pressure")
+@characteristic(
+    "minimum-pressure",
+    algorithm="bisection on simulated runs to 0.002 % of the span from ambient to supply",
+    standard="form of ISO 10099",
+)
 def _minimum(plant: HeldDrive) -> Found:
     """Minimum pressure and breakaway.
 
     Least supply pressure, above ambient, at which the piston with its load moves over 99 % of the stroke within 660 s
     from rest at full command. The pressure rises from ambient over 600 s and is then held.
-
-    :algorithm: bisection on simulated runs to 0.002 % of the span from ambient to supply
-    :standard: form of ISO 10099
 
     Results
     -------

@@ -566,7 +566,12 @@ def _smoothed(time_s: Array, values: Array, at: Ints, noise: float, watch: Watch
 
 
 def _parabolas(
-    time_s: Array, values: Array, good: Bools, at: Ints, half: int, most: float
+    time_s: Array,
+    values: Array,
+    good: Bools,
+    at: Ints,
+    half: int,
+    most: float,
 ) -> tuple[Array, Array, Bools]:
     """Return value and slope of the parabola around each sample, and a mask of samples with a small residual.
 

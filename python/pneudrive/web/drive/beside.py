@@ -73,7 +73,12 @@ class ExtrasRequest(RunRequest):
         return {key: _ends(key, ends) for key, ends in spreads.items()}
 
     def answer(
-        self, workspace: Workspace, described: Described, run: Run, shown: Sequence[str], limit: RunLimit
+        self,
+        workspace: Workspace,
+        described: Described,
+        run: Run,
+        shown: Sequence[str],
+        limit: RunLimit,
     ) -> tuple[Plain, Columns]:
         """Return head and arrays of the comparisons with the run of `described`. `shown` lists the drawn columns.
 

@@ -355,7 +355,12 @@ def _approach(recording: Recording, phases: Phases, speed: float) -> slice | Non
 
 
 def _references(
-    strokes: Sequence[UninterruptedStroke], direction: int, speed: float, low: float, high: float, condition: Condition
+    strokes: Sequence[UninterruptedStroke],
+    direction: int,
+    speed: float,
+    low: float,
+    high: float,
+    condition: Condition,
 ) -> list[UninterruptedStroke]:
     """Return the strokes in this direction, at this speed and condition, that cover the travel from `low` to `high`."""
     out = []
