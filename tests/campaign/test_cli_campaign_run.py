@@ -15,7 +15,7 @@ import pytest
 
 from campaign.fake_rig import PROTOCOL, FakeRig, contents, protocol
 from pneudrive.campaign.planning.plan import lay_out
-from pneudrive.campaign.storage.control import FolderLock, holder
+from pneudrive.campaign.storage.control import holder
 from pneudrive.cli.main import run
 
 TESTS = Path(__file__).parents[1]
@@ -107,25 +107,6 @@ def test_pause_resume_and_abort_by_the_command_line(folder, asked, capsys, print
     out, _ = process.communicate(timeout=60.0)
     assert process.returncode == 130
     assert "Resume: pneudrive campaign resume" in out
-
-
-def test_a_lock_ends_with_its_process(tmp_path):
-    code = "import sys, time; from pneudrive.campaign.storage.control import FolderLock; from pathlib import Path\n"
-    code += "lock = FolderLock(Path(sys.argv[1])); print('held', flush=True); time.sleep(60)"
-    process = subprocess.Popen(
-        [sys.executable, "-c", code, str(tmp_path)],
-        stdout=subprocess.PIPE,
-        env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
-    )
-    assert process.stdout is not None
-    process.stdout.readline()
-    assert holder(tmp_path).pid == process.pid
-    process.kill()
-    process.communicate()
-    assert holder(tmp_path) is None
-    with FolderLock(tmp_path):
-        assert holder(tmp_path).pid == os.getpid()
-    assert holder(tmp_path) is None
 
 
 def test_the_live_picture_shows_what_runs():

@@ -26,7 +26,7 @@ from pneudrive.rig.opcua.nodes import load_map
 from pneudrive.rig.opcua.server import RigServer
 
 PROTOCOL = Path(__file__).parents[1] / "data" / "opcua_quick_look.toml"  # quick-look with fewer samples
-KILLS = 5
+KILLS = 2
 BENCH = (Path(__file__).parents[1] / "data" / "opcua_tls_rig.toml").read_text("utf-8")
 PACE = 60.0  # a cycle takes a tenth of a second or more, so that a kill comes in the middle of it
 

@@ -281,8 +281,8 @@ def bits(folder: Path) -> dict[str, np.ndarray]:
 
 def test_a_campaign_is_watched_killed_and_resumed(served: Served) -> None:
     (served.folder / "speeds.toml").write_text(PROTOCOL)
-    job = post(served, "/api/campaigns", {"protocol": "speeds.toml", "name": "first", "pace": 1})
-    line = "pneudrive campaign run speeds.toml --rig default --out campaigns/first --yes --speed 1"
+    job = post(served, "/api/campaigns", {"protocol": "speeds.toml", "name": "first", "pace": 3})
+    line = "pneudrive campaign run speeds.toml --rig default --out campaigns/first --yes --speed 3"
     assert job["command"].splitlines()[-1] == line
     seen = campaign(served, 1)
     assert seen["synthetic"]

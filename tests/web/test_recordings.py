@@ -100,7 +100,9 @@ def test_a_layout_above_the_folder_is_told_of_and_not_read(served: Served) -> No
     pn.save(pn.simulate(pn.Drive.load("catalogue:reference"), "0.3", "20 ms"), served.folder / "run.parquet")
     assert read(served, "log.csv")["notes"] == []
     (served.folder.parent / "layout.toml").write_text("nonsense =")
-    (note,) = read(served, "log.csv")["notes"]
+    found = read(served, "log.csv")
+    (note,) = found["notes"]
+    assert found["layout"] is None
     assert "the folder above has a layout.toml" in note
     assert read(served, "run.parquet")["notes"] == []  # it needs none
 
@@ -484,9 +486,3 @@ def test_a_layout_that_cannot_be_read_is_not_written(served: Served) -> None:
     answered = served.client.put("/api/file?path=layout.toml", json={"text": LOGGED + RIG}, headers=served.headers)
     assert answered.status_code == 200, answered.text
     assert read(served, "run.csv")["layout"] == "rig"
-
-
-def test_a_layout_outside_the_workspace_is_not_read(served: Served) -> None:
-    (served.folder.parent / "layout.toml").write_text("[columns]\nsecret = 1\n")
-    (served.folder / "few.csv").write_text("time_s,force_n\n" + "".join(f"{0.1 * k:.1f},{k}\n" for k in range(50)))
-    assert read(served, "few.csv")["layout"] is None

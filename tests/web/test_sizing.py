@@ -86,7 +86,8 @@ def served_view(found: SizingResult) -> dict:
 
 def test_a_search_that_is_ended_goes_on_where_it_was(served: Served) -> None:
     (served.folder / "push.toml").write_text(TASK)
-    post(served, "/api/jobs", ASKED)
+    few = ASKED | {"draws": 8}
+    post(served, "/api/jobs", few)
     lines = served.folder / "results" / "push" / "choices.jsonl"
     until(lines.is_file)
     number = served.jobs[0].number
@@ -96,7 +97,7 @@ def test_a_search_that_is_ended_goes_on_where_it_was(served: Served) -> None:
     shown = get(served, "/api/sizing", path="results/push")
     assert not shown["done"]
     assert len(shown["candidates"]) <= len(kept.splitlines())
-    post(served, "/api/jobs", ASKED | {"resume": "results/push"})
+    post(served, "/api/jobs", few | {"resume": "results/push"})
     assert finished(served)["state"] == "done"
     assert lines.read_text().startswith(kept)
     assert get(served, "/api/sizing", path="results/push")["done"]

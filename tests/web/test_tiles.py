@@ -43,11 +43,11 @@ def opened(folder: Path, name: str) -> OpenRecording:
     return recordings.need(name)
 
 
-def test_no_spike_is_lost_in_400_windows(recorded: tuple) -> None:
+def test_no_spike_is_lost_in_150_windows(recorded: tuple) -> None:
     recording, table, spikes = recorded
     chance = np.random.default_rng(15)
     seen = kinds = 0
-    for width in 10.0 ** chance.uniform(-1.0, 3.0, 400):
+    for width in 10.0 ** chance.uniform(-1.0, 3.0, 150):
         begin = chance.uniform(0.0, COUNT / RATE - width)
         span = (begin, begin + width)
         time_s, channels, about = recording.window(span, PIXELS, ["force_n", "position_m"])
@@ -66,7 +66,7 @@ def test_no_spike_is_lost_in_400_windows(recorded: tuple) -> None:
             rows = slice(np.searchsorted(table["time_s"], span[0]), np.searchsorted(table["time_s"], span[1], "right"))
             assert np.nanmax(heights) >= table["force_n"][rows].max()
             assert np.nanmin(heights) <= table["force_n"][rows].min()
-    assert seen > 3000
+    assert seen > 1000
     assert kinds == 3  # windows of samples, and windows of lowest and highest values
 
 
