@@ -11,16 +11,17 @@ Both leave out combinations that a sheet forbids, because no simulation shows an
 from __future__ import annotations
 
 import sys
+from itertools import product
 from typing import Any
 
 import numpy as np
 
 from pneudrive.describe.files.catalogue import entries
 from pneudrive.sizing.checks import PROBABILITY, SizedDrive, simulated
-from pneudrive.sizing.prune import SafeBounds
+from pneudrive.sizing.prune import SafeBounds, Shortage
 from pneudrive.sizing.search import size
 from pneudrive.sizing.strokes import RTOL, DriveStrokes, Setting, points, tune
-from pneudrive.sizing.task import SLOTS, SizingTask, choices, combined
+from pneudrive.sizing.task import SLOTS, DriveChoice, SizingTask, choices
 from trials.shares import options
 
 DRAWS, FIRST = 1024, 64
@@ -62,12 +63,19 @@ def enumerated(strokes: DriveStrokes, setting: Setting) -> SizedDrive | None:
     return simulated(strokes, setting, points(DRAWS), RTOL)[0]
 
 
+def shortage(bounds: SafeBounds, choice: DriveChoice) -> Shortage | None:
+    """Return the reason why a choice cannot do the task, or None."""
+    found = bounds.part(choice.valve) or bounds.part(choice.tube) or bounds.part(choice.flow_control)
+    return found or bounds.cylinder(choice.cylinder) or bounds.fits(choice)
+
+
 def compared(task: SizingTask) -> tuple[bool, str]:
     """Return whether search and enumeration agree on a task, and what they found."""
     found = size(task)
     parts = choices(task)
     bounds = SafeBounds(task, parts["tube"])
-    lacks = [(choice, bounds.lacks(choice)) for choice in combined(parts)]
+    combined = [DriveChoice(*each) for each in product(*(parts[slot] for slot in SLOTS))]
+    lacks = [(choice, shortage(bounds, choice)) for choice in combined]
     cut = {choice.name for choice, lack in lacks if lack is not None and lack.limit in BOUNDS}
     made = [DriveStrokes(one, task) for one, lack in lacks if lack is None or lack.limit in BOUNDS]
     tuned = [(one, tune(one)) for one in made]

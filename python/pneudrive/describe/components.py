@@ -85,7 +85,7 @@ class Component(Described):
                 found = {f"{key}_{sub}": one for sub, one in each.items()}
             else:
                 found = {key: given}
-            for twice in found.keys() & out.keys():
+            for twice in filter(out.__contains__, found):
                 rule = "each number once: as a key, in an inner table, or under its older name"
                 raise wrong(twice, f"{twice} is given twice", rule=rule, remedy="Keep one of them.")
             out |= found

@@ -314,17 +314,18 @@ def parse_pressure(text: str, *, gauge_allowed: bool = True) -> Pressure:
     raise DescriptionError.of("units.abs-or-gauge", text=text, number=number, unit=unit, remedy=remedy)
 
 
-def split_range(given: object, example: str = "5 mm .. 30 mm") -> list[str]:
+def split_range(given: object, example: str, rule: str | None = None) -> list[str]:
     """Split the text of a range into its two ends.
 
     Raises
     ------
     DescriptionError
-        The value is not a text of two ends; the message gives the example.
+        The value is not a text of two ends; the message gives the rule and the example.
     """
     ends = given.split("..") if isinstance(given, str) else []
     if len(ends) != 2:
-        raise DescriptionError(f'"{given}" is not a range', remedy=f'Write two quantities, e.g. "{example}".')
+        remedy = f'Write two quantities, e.g. "{example}".'
+        raise DescriptionError(f'"{given}" is not a range', rule=rule, remedy=remedy)
     return [end.strip() for end in ends]
 
 
@@ -336,7 +337,7 @@ def parse_range(text: object, si_unit: str) -> tuple[float, float]:
     DescriptionError
         The text does not have two quantities, or the first is not less than the second.
     """
-    low, high = (parse(end, si_unit) for end in split_range(text))
+    low, high = (parse(end, si_unit) for end in split_range(text, "5 mm .. 30 mm", needed(si_unit)))
     if not low < high:
         raise DescriptionError(f'range "{text}" is empty', rule="the first end must be below the second")
     return low, high

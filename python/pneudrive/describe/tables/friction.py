@@ -216,7 +216,8 @@ class Friction(Described):
         if not isinstance(data, dict):
             return handler(data)
         laws, assumed = friction_laws(), Plain()
-        data = {key: value for key, value in data.items() if value is not None}
+        optional = ("law", *CHOICES, *DEPENDENCES)
+        data = {key: value for key, value in data.items() if value is not None or key not in optional}
         if "law" not in data:
             data, assumed = by_default(data)
         name, own = data["law"], None
