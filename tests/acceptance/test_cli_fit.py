@@ -12,36 +12,28 @@ from pneudrive import _core
 from pneudrive.characterise import read_map, write_map
 from pneudrive.cli.identify import joined_maps
 from pneudrive.cli.main import run
-from pneudrive.friction.friction_map import AMBIENT, COLUMNS, columns_to_dataset
+from pneudrive.friction.friction_map import AMBIENT
 from pneudrive.identify import FrictionFit
+from web.maps import friction_map
 
 DATA = Path(__file__).resolve().parents[2] / "data" / "measurements" / "zillen-2021-pneumatic-piston" / "friction"
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    """Folder with the map of a seal whose friction grows with the pressure in chamber a, and its fit."""
+    """Folder with the map of a seal whose friction grows with the pressure in chamber b, and its fit."""
     where = tmp_path_factory.mktemp("fit")
-    rng = np.random.default_rng(3)
-    columns = {name: [] for name in COLUMNS if name != AMBIENT}  # of a version that did not write it
-    for gauge in (0.0, 2e5, 4e5, 6e5):
-        law = {
-            "coulomb": 20 + 1e-5 * gauge,
-            "breakaway": 30 + 2e-5 * gauge,
-            "stribeck_velocity": 0.012,
-            "viscous": 60.0,
-        }
-        for speed in np.geomspace(2e-3, 0.4, 9):
-            friction = _core.steady_friction("stribeck", law, np.array([speed]))[0] + 0.2 * rng.standard_normal()
-            for direction in (1, -1):
-                row = dict.fromkeys(COLUMNS, 0.0) | {
-                    "recording": f"{speed:.4g} at {gauge:g}", "direction": direction, "velocity_m_s": direction * speed,
-                    "pressure_a_pa": 101325.0 + gauge, "pressure_b_pa": 101325.0, "balance_n": direction * friction,
-                    "friction_n": friction, "stderr_n": 0.2, "samples": 500, "strokes": 10, "flags": "",
-                }  # fmt: skip
-                for name in columns:
-                    columns[name].append(row[name])
-    write_map(columns_to_dataset(columns), where / "map.parquet")
+
+    def friction(speeds, gauges):
+        laws = (
+            {"coulomb": 20 + 1e-5 * gauge, "breakaway": 30 + 2e-5 * gauge, "stribeck_velocity": 0.012, "viscous": 60.0}
+            for gauge in gauges
+        )
+        steady = (_core.steady_friction("stribeck", law, np.array([v])) for law, v in zip(laws, speeds, strict=True))
+        return np.concatenate([*steady])
+
+    whole = friction_map(friction, tuple(np.geomspace(2e-3, 0.4, 6)), (0.0, 2e5, 4e5, 6e5), 0.2)
+    write_map(whole.drop_vars(AMBIENT).drop_attrs(), where / "map.parquet")  # of a version that did not write it
     assert run(["fit", str(where / "map.parquet"), "--laws", "stribeck", "--pressure", "linear",
                 "--out", str(where / "fit.toml")]) == 0  # fmt: skip
     return where
@@ -49,7 +41,8 @@ def folder(tmp_path_factory):
 
 def test_a_map_is_fitted_and_laws_are_compared(folder, tmp_path, capsys):
     target = tmp_path / "best.toml"
-    assert run(["fit", str(folder / "map.parquet"), "--laws", "coulomb,stribeck", "--out", str(target)]) == 0
+    assert run(["fit", str(folder / "map.parquet"), "--laws", "coulomb,stribeck", "--pressure", "linear",
+                "--out", str(target)]) == 0  # fmt: skip
     said, aside = capsys.readouterr()
     assert "1.01325 bar is assumed" in aside
     assert "held out in turn: each of 4 conditions of pressure" in said
@@ -103,7 +96,7 @@ def test_next_points_are_a_protocol_that_the_rig_takes(folder, tmp_path, printed
 def test_maps_are_fitted_together_at_their_gauge_pressures(folder, tmp_path, printed, refusal):
     path = folder / "map.parquet"
     both = ["fit", str(path), str(path), "--laws", "stribeck gaussian", "--pressure", "linear"]
-    assert "from 72 values" in printed([*both, "--out", tmp_path / "fit.toml"])
+    assert "from 96 values" in printed([*both, "--out", tmp_path / "fit.toml"])
     first = read_map(path).assign_attrs(ambient_pressure_pa=101325.0)
     low = {name: first[name] - 3000.0 for name in ("pressure_a_pa", "pressure_b_pa")}
     joined = joined_maps([path, path], [first, first.assign(low).assign_attrs(ambient_pressure_pa=98325.0)])

@@ -105,8 +105,8 @@ def test_a_simulation_that_stops_is_no_wrong_input(folder):
     assert [p.name for p in folder.iterdir()] == ["drive.toml"]
 
 
-def test_catalogue_and_schema(folder):
-    assert "smc-eus11-83" in pneudrive("catalogue", "smc-sy5000", cwd=folder).stdout
-    assert "assumed" in pneudrive("catalogue", "parker-osp-p25-sy5000", cwd=folder).stdout
-    assert '"stribeck_velocity"' in pneudrive("schema", cwd=folder).stdout
-    assert pneudrive("catalogue", "smc-sy500", cwd=folder).returncode == 2
+def test_catalogue_and_schema(printed, refusal):
+    assert "smc-eus11-83" in printed(["catalogue", "smc-sy5000"])
+    assert "assumed" in printed(["catalogue", "parker-osp-p25-sy5000"])
+    assert '"stribeck_velocity"' in printed(["schema"])
+    refusal(["catalogue", "smc-sy500"], "smc-sy500")

@@ -193,7 +193,7 @@ def test_a_drive_that_sticks_earlier_than_its_model_has_no_lost_sensor():
     assert not run.attrs["events"]
 
 
-@pytest.mark.parametrize("seed", [1, 2, 3, 4])
+@pytest.mark.parametrize("seed", [1, 2])
 def test_an_upright_axis_with_a_light_load_and_a_low_supply_stays_where_it_rests(seed: int):
     """60 kg on 80 mm, in truth 42 kg, and 0.5 bar less: it slid by 280 mm at 0.97 m/s, and was still held."""
     drive = axis(

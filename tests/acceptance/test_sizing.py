@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import html
 import json
 import math
+import re
 import shlex
 import threading
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
-from html.parser import HTMLParser
+from dataclasses import replace
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -306,50 +307,21 @@ def test_a_search_of_less_than_one_choice_is_refused(most: int):
         size(TASK, most=most)
 
 
-@dataclass
-class ReadReport(HTMLParser):
-    """A report as its reader has it: rows of each table by its caption, blocks of code, all text."""
+def read_report(path: Path) -> tuple[dict[str, list[list[str]]], list[str], str]:
+    """Return a report as its reader has it: rows of each table by its caption, blocks of code, all text."""
+    page = path.read_text()
 
-    tables: dict[str, list[list[str]]] = field(default_factory=dict)
-    code: list[str] = field(default_factory=list)
-    text: str = ""
+    def shown(pattern: str, text: str = page) -> list[str]:
+        return [html.unescape(re.sub("<[^>]+>", "", one)) for one in re.findall(f"(?s){pattern}", text)]
 
-    def __post_init__(self) -> None:
-        super().__init__()
-        self._at = self._caption = ""
-
-    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        self._at = "caption" if ("class", "caption") in attrs else tag
-        if tag == "pre":
-            self.code.append("")
-        elif tag == "table":
-            self.tables[self._caption] = []
-            self._caption = ""
-        elif tag == "tr":
-            list(self.tables.values())[-1].append([])
-        elif tag == "td":
-            list(self.tables.values())[-1][-1].append("")
-
-    def handle_endtag(self, tag: str) -> None:
-        self._at = ""
-        if tag == "table":
-            rows = list(self.tables.values())[-1]
-            rows[:] = [row for row in rows if row]
-
-    def handle_data(self, data: str) -> None:
-        self.text += data
-        if self._at == "pre":
-            self.code[-1] += data
-        elif self._at == "caption":
-            self._caption = data
-        elif self._at == "td":
-            list(self.tables.values())[-1][-1][-1] += data
-
-
-def read_report(path: Path) -> ReadReport:
-    read = ReadReport()
-    read.feed(path.read_text())
-    return read
+    captions, bodies = (
+        shown('<p class="caption"[^>]*>(.*?)</p>\\s*<(?:div|table)'),
+        re.findall("(?s)<table.*?</table>", page),
+    )
+    tables = [
+        [cells for row in body.split("<tr")[1:] if (cells := shown("<td[^>]*>(.*?)</td>", row))] for body in bodies
+    ]
+    return dict(zip(captions, tables, strict=True)), shown("<pre[^>]*>(.*?)</pre>"), shown(".+")[0]
 
 
 def test_a_user_sizes_a_drive_and_runs_it(tmp_path, capsys, printed, refusal, monkeypatch, found: SizingResult):
@@ -368,12 +340,12 @@ supply.pressure = "6 bar gauge"
     assert found.best.parts["cylinder"] in shown
     assert (out / "figures" / "candidates.png").stat().st_size > 10_000
     assert json.loads((out / "result.json").read_text())["feasible"] is True
-    page = read_report(out / "report.html")
+    tables, code, shown = read_report(out / "report.html")
     ranked = json.loads((out / "result.json").read_text())["ranked"]
-    assert [row[1] for row in page.tables["Candidates that meet the task: the best of each cylinder"]] == [
+    assert [row[1] for row in tables["Candidates that meet the task: the best of each cylinder"]] == [
         " + ".join(name for name in one["parts"].values() if name != "none") for one in ranked[:1]
     ]
-    (table,) = (rows for caption, rows in page.tables.items() if caption.startswith("Range of 98 % of the samples, "))
+    (table,) = (rows for caption, rows in tables.items() if caption.startswith("Range of 98 % of the samples, "))
     ranges = {row[0]: row[1] for row in table}
     value, limit, _ = ranked[0]["worst"]["time out"]
     low, _, rest = ranges["time out, limit 0.35 s"].partition(" … ")
@@ -383,16 +355,16 @@ supply.pressure = "6 bar gauge"
     assert least < found.best.air_litres_anr < most
     least, most = map(float, ranges["load ratio out, %"].split(" … "))
     assert 0.0 < least < most < 100.0
-    origins = {key: origin for key, _, origin in page.tables["Sources in brackets, listed at the end"]}
+    origins = {key: origin for key, _, origin in tables["Sources in brackets, listed at the end"]}
     assert origins["cylinder.friction.coulomb"].startswith("assumed: ")
     assert origins["load.mass"] == "the task, or the choice of parts"
     (source,) = references([origins["cylinder.bore"].partition("]")[0][1:]])
-    assert source in page.text
+    assert source in shown
     again = tmp_path / "again"
     again.mkdir()
     monkeypatch.chdir(again)
-    Path("task.toml").write_text(page.code[-1])
-    assert command(shlex.split(page.code[0])[1:]) == 0
+    Path("task.toml").write_text(code[-1])
+    assert command(shlex.split(code[0])[1:]) == 0
     assert Path("out/ranking.csv").read_bytes() == (out / "ranking.csv").read_bytes()
     capsys.readouterr()
     command_line = ["simulate", str(out / "01.toml"), "--command", "0 s: 1", "--duration", "0.2 s"]
@@ -402,8 +374,7 @@ supply.pressure = "6 bar gauge"
     task.write_text(text.replace("2 kg", "200 kg").replace("supply", 'incline = "90 deg"\nsupply'))
     shown = " ".join(printed(["size", task, "--samples", "8", "--out", tmp_path / "none"]).split())
     assert all(words in shown for words in ("feasible = false", "Nearest miss", "needed"))
-    missed = read_report(tmp_path / "none" / "report.html")
-    assert "Nothing in the catalogue meets the task." in missed.text
+    assert "Nothing in the catalogue meets the task." in read_report(tmp_path / "none" / "report.html")[2]
     for wrong, said in (
         (text.replace("2 kg", "0 kg"), "mass"),
         (text.replace("2 kg", "nan kg"), "mass"),
