@@ -48,26 +48,24 @@ def test_validate_says_what_is_wrong_and_writes_report_and_numbers(bench, printe
     assert [v["what"] for v in kept["verdict"]] == ["position", "pressure", "breakaway"]
 
 
+def map_rows(speed: np.ndarray, direction: np.ndarray, **columns: object) -> pl.DataFrame:
+    """Return rows of a friction map: 0 in each column that is not given."""
+    rest = ("balance_n", "offset_n", "position_from_m", "position_to_m", "breakaway_n", "dwell_s", "loading_rate_n_s")
+    texts = {"recording": "a", "flags": "", "samples": 100, "strokes": 5}
+    own = {"direction": direction, "velocity_m_s": direction * speed}
+    rows = dict.fromkeys(rest, 0.0) | texts | own | columns
+    return pl.DataFrame({name: np.broadcast_to(values, speed.shape) for name, values in rows.items()})
+
+
 def test_a_friction_map_is_validated_against_the_law(bench, printed):
     truth = drive()
     speed = np.tile(np.geomspace(2e-3, 0.4, 12), 2)
     direction = np.repeat([1, -1], 12)
     friction = 1.3 * steady_friction(truth.friction.core(), direction * speed, 2e5, 0.0)
-    rows = {
-        "recording": ["a"] * 24,
-        "direction": direction,
-        "velocity_m_s": direction * speed,
-        "pressure_a_pa": np.full(24, 2e5 + truth.ambient.pressure_pa),
-        "pressure_b_pa": np.full(24, truth.ambient.pressure_pa),
-        "balance_n": direction * friction,
-        "friction_n": friction,
-        **{c: np.full(24, 0.3) for c in ("offset_n", "stderr_n", "u_systematic_n")},
-        "samples": np.full(24, 100),
-        "strokes": np.full(24, 5),
-        **{c: np.zeros(24) for c in ("position_from_m", "position_to_m", "breakaway_n", "dwell_s", "loading_rate_n_s")},
-        "flags": [""] * 24,
-    }
-    pl.DataFrame(rows).write_csv(bench / "map.csv")
+    pressures = {"pressure_a_pa": 2e5 + truth.ambient.pressure_pa, "pressure_b_pa": truth.ambient.pressure_pa}
+    random = dict.fromkeys(("offset_n", "stderr_n", "u_systematic_n"), 0.3)
+    rows = map_rows(speed, direction, friction_n=friction, balance_n=direction * friction, **pressures, **random)
+    rows.write_csv(bench / "map.csv")
     out = bench / "friction"
     said = printed(["validate", bench / "drive.toml", bench / "map.csv", "--out", out])
     assert "! fit" in said
@@ -157,22 +155,13 @@ def test_paired_friction_is_held_against_the_mean_of_both_directions(tmp_path):
     base = drive(ambient__pressure="0.8 bar abs")
     truth = base.replace({"friction.direction": {"positive": 1.2, "negative": 0.8}})
     speed, direction = np.tile(np.geomspace(2e-3, 0.4, 6), 2), np.repeat([1, -1], 6)
-    n = speed.size
-    rows = {
-        "recording": ["a"] * n,
-        "direction": direction,
-        "velocity_m_s": direction * speed,
-        "pressure_a_pa": room + 2e5,
-        "pressure_b_pa": room,
-        **{c: np.zeros(n) for c in ("balance_n", "offset_n", "position_from_m", "position_to_m")},
-        **{c: np.full(n, 0.01) for c in ("stderr_n", "u_systematic_n", "breakaway_n", "dwell_s", "loading_rate_n_s")},
-        **{c: np.full(n, 5) for c in ("samples", "strokes")},
-        "ambient_pressure_pa": room,
-    }
+    pressures = {"pressure_a_pa": room + 2e5, "pressure_b_pa": room, "ambient_pressure_pa": room}
+    known = dict.fromkeys(("stderr_n", "u_systematic_n", "breakaway_n", "dwell_s", "loading_rate_n_s"), 0.01)
     core = truth.friction.core()
     mean = 0.5 * (steady_friction(core, speed, 2e5, 0.0) + steady_friction(core, -speed, 2e5, 0.0))
     for flags, friction in (("", mean), ("unpaired", steady_friction(core, direction * speed, 2e5, 0.0))):
-        pl.DataFrame(rows | {"friction_n": friction, "flags": [flags] * n}).write_csv(tmp_path / "map.csv")
+        rows = map_rows(speed, direction, friction_n=friction, flags=flags, **pressures, **known)
+        rows.write_csv(tmp_path / "map.csv")
         for drive_of_the_law in (truth, truth.replace({"ambient.pressure": "1 bar abs"})):
             found = validate_friction(drive_of_the_law, tmp_path / "map.csv")
             assert found.metrics.largest < 1e-9
