@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +15,7 @@ AREAS, STROKE = (0.0127, 0.0115), 2.0
 CIRCUIT = (Path(__file__).parents[1] / "data" / "gas_spring_circuit.toml").read_text("utf-8")
 
 
-@dataclass
+@dataclass(frozen=True)
 class Truth:
     """Numbers of a spring; both chambers hold nitrogen at the temperature of the wall at the start."""
 
@@ -75,12 +76,18 @@ def pressures(truth: Truth, time_s: np.ndarray, position_m: np.ndarray, parts: i
     return np.array(out).T
 
 
+@cache
+def springs(truth: Truth, seconds: float, rate: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return times, positions and pressures without noise; one integration serves all recordings of a truth."""
+    time = np.arange(0.0, seconds, 1.0 / rate)
+    x = positions(time, np.array([0.1, 0.25, 0.45, 0.6, 0.35, 0.55]))
+    return time, x, pressures(truth, time, x)
+
+
 def record(truth: Truth, seed: int = 0, seconds: float = 120.0, rate: float = 20.0, name: str = "spring") -> Recording:
     """Return a recording: noise, steps of 0.1 psi, pressures late by the delay, friction and a ram."""
     rng = np.random.default_rng(seed)
-    time = np.arange(0.0, seconds, 1.0 / rate)
-    x = positions(time, np.array([0.1, 0.25, 0.45, 0.6, 0.35, 0.55]))
-    true = pressures(truth, time, x)
+    time, x, true = springs(truth, seconds, rate)
     shown = np.array([np.interp(time - truth.delay_s, time, p) for p in true])
     shown = np.round((shown + rng.normal(0.0, 300.0, shown.shape)) / 689.5) * 689.5
     v = np.gradient(x, time)

@@ -48,19 +48,19 @@ def test_variances_of_balanced_groups_are_those_of_the_analysis_of_variance():
 
 def test_intervals_of_few_groups_hold_the_truth_as_often_as_they_say():
     inside = 0
-    for seed in range(200):
+    for seed in range(100):
         rng = np.random.default_rng(seed)
         group = np.repeat(np.arange(4), 3)
         y = 5.0 + rng.standard_normal(4)[group] + 0.5 * rng.standard_normal(12)
         found = model(group, y).fit().contrast(np.array([1.0]))
         inside += found.low <= 5.0 <= found.high
-    assert 0.90 * 200 <= inside <= 0.99 * 200
+    assert 90 <= inside <= 99
 
 
 def test_a_test_of_nothing_is_significant_by_chance_alone():
     """Columns without effect, cycles in groups: probabilities below 5 % and 20 % come in 5 % and 20 % of the cases."""
     found = []
-    for seed in range(200):
+    for seed in range(100):
         rng = np.random.default_rng(seed)
         group = np.repeat(np.arange(6), 5)
         x = np.column_stack([np.ones(30), rng.standard_normal((30, 2))])

@@ -35,10 +35,10 @@ def append(folder: Path, other: Path) -> None:
 def whole(tmp_path_factory):
     """Return a campaign of sweeps and stops, and its page."""
     folder = tmp_path_factory.mktemp("report")
-    world = World(gauges_pa=PRESSURES, air_pa_s_m=4000.0, speeds_m_s=(2e-3, 1e-2, 3e-2, 0.1, 0.3), samples=600)
+    world = World(gauges_pa=PRESSURES, air_pa_s_m=4000.0, speeds_m_s=(2e-3, 1e-2, 3e-2, 0.1, 0.3), samples=300)
     write_campaign(folder / "c", world, 1)
     durations = (1.0, 10.0, 100.0)
-    write_stops(folder / "s", StopWorld(gauges_pa=PRESSURES, durations_s=durations, repeats=3, samples=600), 1)
+    write_stops(folder / "s", StopWorld(gauges_pa=PRESSURES, durations_s=durations, repeats=3, samples=400), 1)
     append(folder / "c", folder / "s")
     found = campaign_friction(folder / "c", processes=1)
     (folder / "out").mkdir()

@@ -132,7 +132,7 @@ def unpressurised(whole):
 INPUTS = {
     "one stroke": lambda: [part_of(recording(), 700)],
     "no pressure, no labels": lambda: [unpressurised(recording())],
-    "both chambers": lambda: sweep(SimulatedRig.default(), [0.01, 0.1], ((1e5, 0.0), (2e5, 1e5))),
+    "both chambers": lambda: sweep(SimulatedRig.default(), [0.04, 0.1], ((1e5, 0.0), (2e5, 1e5))),
 }
 
 
