@@ -17,7 +17,8 @@ from pneudrive.errors import DescriptionError
 from pneudrive.sizing.checks import simulated
 from pneudrive.sizing.prune import SafeBounds
 from pneudrive.sizing.strokes import DRAWN, DriveStrokes, points, tune
-from pneudrive.sizing.task import SizingTask, choices, combined
+from pneudrive.sizing.task import SizingTask, choices
+from trials.sizing_enumerated import combined, shortage
 
 NEAREST = 5
 SEED = 5
@@ -61,7 +62,7 @@ def main(tasks: int) -> None:
             print(number, error)
             continue
         bounds = SafeBounds(task, found["tube"])
-        pruned = [(one, lacks) for one in combined(found) if (lacks := bounds.lacks(one)) is not None]
+        pruned = [(one, lacks) for one in combined(found) if (lacks := shortage(bounds, one)) is not None]
         pruned.sort(key=lambda one: -one[1].share)
         near = [[one for one in pruned if one[1].limit == limit][:NEAREST] for limit in ("force", "time")]
         for choice, lacks in near[0] + near[1]:

@@ -21,7 +21,7 @@ from pneudrive.sizing.checks import PROBABILITY, SizedDrive, simulated
 from pneudrive.sizing.prune import SafeBounds, Shortage
 from pneudrive.sizing.search import size
 from pneudrive.sizing.strokes import RTOL, DriveStrokes, Setting, points, tune
-from pneudrive.sizing.task import SLOTS, DriveChoice, SizingTask, choices
+from pneudrive.sizing.task import SLOTS, DriveChoice, Parts, SizingTask, choices
 from trials.shares import options
 
 DRAWS, FIRST = 1024, 64
@@ -63,6 +63,11 @@ def enumerated(strokes: DriveStrokes, setting: Setting) -> SizedDrive | None:
     return simulated(strokes, setting, points(DRAWS), RTOL)[0]
 
 
+def combined(parts: Parts) -> list[DriveChoice]:
+    """Return all combinations of parts."""
+    return [DriveChoice(*each) for each in product(*(parts[slot] for slot in SLOTS))]
+
+
 def shortage(bounds: SafeBounds, choice: DriveChoice) -> Shortage | None:
     """Return the reason why a choice cannot do the task, or None."""
     found = bounds.part(choice.valve) or bounds.part(choice.tube) or bounds.part(choice.flow_control)
@@ -74,8 +79,7 @@ def compared(task: SizingTask) -> tuple[bool, str]:
     found = size(task)
     parts = choices(task)
     bounds = SafeBounds(task, parts["tube"])
-    combined = [DriveChoice(*each) for each in product(*(parts[slot] for slot in SLOTS))]
-    lacks = [(choice, shortage(bounds, choice)) for choice in combined]
+    lacks = [(choice, shortage(bounds, choice)) for choice in combined(parts)]
     cut = {choice.name for choice, lack in lacks if lack is not None and lack.limit in BOUNDS}
     made = [DriveStrokes(one, task) for one, lack in lacks if lack is None or lack.limit in BOUNDS]
     tuned = [(one, tune(one)) for one in made]
