@@ -36,8 +36,11 @@ SAME_POSITION_M = 1e-3
 SPEED_TOLERANCE, PRESSURE_TOLERANCE_PA = 0.05, 2000.0
 
 
-def matches(asked: Sequence[Step], recorded: Sequence[Step], tolerance: float) -> bool:
-    """Return whether steps match recorded ones: speeds and durations differ at most by the fraction `tolerance`."""
+def matches(steps: Sequence[Step], cycle: Cycle, tolerance: float) -> bool:
+    """Return whether steps match recorded ones: speeds and durations differ at most by the fraction `tolerance`.
+
+    If the recorded cycle lists no steps, compare the longest stop and the speed after it.
+    """
 
     def near(asked: float, recorded: float) -> bool:
         return abs(asked - recorded) <= tolerance * asked
@@ -50,12 +53,24 @@ def matches(asked: Sequence[Step], recorded: Sequence[Step], tolerance: float) -
             return same_axis and near(asked.duration_s, recorded.duration_s)
         return False
 
-    return len(asked) == len(recorded) and all(map(alike, asked, recorded))
+    if cycle.steps:
+        return len(steps) == len(cycle.steps) and all(map(alike, steps, cycle.steps))
+    holds = [(step.duration_s, at) for at, step in enumerate(steps) if isinstance(step, Hold)]
+    stop, at = max(holds, default=(0.0, 0)) if cycle.stop_s else (0.0, 0)
+    moves = moves_of(steps[at:])
+    if not moves or cycle.speed_m_s is None or not near(moves[0].speed_m_s, cycle.speed_m_s):
+        return False
+    return bool(cycle.stop_s) == bool(holds) and near(stop, cycle.stop_s or 0.0)
 
 
 def moves_of(steps: Sequence[Step]) -> list[Move]:
     """Return the moves among the steps of a cycle."""
     return [step for step in steps if isinstance(step, Move)]
+
+
+def speeds_of(cycle: Cycle) -> list[float]:
+    """Return the speeds of the moves of a cycle in m/s. If the header lists no moves, return the speed of the cycle."""
+    return [move.speed_m_s for move in moves_of(cycle.steps)] or ([cycle.speed_m_s] if cycle.speed_m_s else [])
 
 
 class ReplayRig:
@@ -120,11 +135,15 @@ class ReplayRig:
         self._state = replace(self._state, pressure_a_pa=a_pa, pressure_b_pa=b_pa)
 
     def move(self, to_m: float, speed_m_s: float) -> None:
-        """Move the axis at once, without playing a recording."""
+        """Move the axis without playing a recording."""
+        self._halted.clear()
+        self._wait(monotonic(), abs(to_m - self._state.position_m) / speed_m_s)
         self._state = replace(self._state, position_m=to_m)
 
     def hold(self, duration_s: float, released: bool = False) -> None:
-        """Do nothing: recordings contain all holds that are played."""
+        """Wait at rest without playing a recording."""
+        self._halted.clear()
+        self._wait(monotonic(), duration_s)
 
     def acquire(self, steps: Sequence[Step], sampling: Sampling) -> Iterator[Samples]:
         """Play the recording that matches these steps, with its recorded sample times."""
@@ -175,7 +194,7 @@ class ReplayRig:
         def fits(cycle: Cycle) -> bool:
             is_mounted = all(cycle.levels.get(factor, level) == level for factor, level in self._levels.items())
             is_near = is_mounted and max(self._apart_pa(cycle)) <= self.pressure_tolerance_pa
-            return is_near and matches(steps, cycle.steps, self.speed_tolerance)
+            return is_near and matches(steps, cycle, self.speed_tolerance)
 
         matching = [file for file in self.files if fits(file.cycle)]
         if matching:
@@ -185,7 +204,7 @@ class ReplayRig:
         wanted = moves[-1].speed_m_s if moves else 0.0
 
         def distance(file: CycleFile) -> float:
-            apart = (abs(np.log(move.speed_m_s / wanted)) for move in moves_of(file.cycle.steps) if wanted)
+            apart = (abs(np.log(speed / wanted)) for speed in speeds_of(file.cycle) if wanted)
             return sum(self._apart_pa(file.cycle)) / self.pressure_tolerance_pa + min(apart, default=9)
 
         nearest = "; ".join(map(_described, sorted(self.files, key=distance)[:SHOWN]))
@@ -225,7 +244,7 @@ def _bar(pressures: Cycle | RigState) -> str:
 
 def _described(file: CycleFile) -> str:
     """Describe a recorded cycle in words."""
-    speeds = [move.speed_m_s for move in moves_of(file.cycle.steps)]
+    speeds = speeds_of(file.cycle)
     speed = f"{1e3 * np.median(speeds):.4g} mm/s" if speeds else "no move"
     return f"{file.name} ({speed}, {_bar(file.cycle)})"
 
@@ -255,9 +274,9 @@ def load_replay(source: str | Path, seed: int, pace: float | None) -> ReplayRig:
     if not (folder / ABOUT).is_file():
         raise RigError.of("campaign.not-replayed", folder=folder)
     campaign = Campaign.open(folder)
-    files = [file for file in campaign.cycles() if file.cycle.steps]
+    files = [file for file in campaign.cycles() if file.cycle.kind != "operator"]
     if not files:
-        raise RigError("the campaign has no finished cycle with steps to play", where=folder)
+        raise RigError("the campaign has no finished cycle to play", where=folder)
     identity, envelope = identity or campaign.identity, campaign.about.get("envelope")
     limits = limits or (envelope_of(envelope, str(folder / ABOUT)) if envelope else _envelope(files, identity))
     return ReplayRig(files, identity, limits, pace, file)
@@ -265,9 +284,15 @@ def load_replay(source: str | Path, seed: int, pace: float | None) -> ReplayRig:
 
 def _envelope(files: Sequence[CycleFile], identity: Identity) -> Envelope:
     """Return the limits of a rig that is known only from recordings: the range that all recordings cover."""
-    moves = [move for file in files for move in moves_of(file.cycle.steps)]
-    ends = [move.to_m for move in moves]
-    if len(set(ends)) < 2:
+    ends: list[float] = []
+    for file in files:
+        moves = [move.to_m for move in moves_of(file.cycle.steps)]
+        if not file.cycle.steps:  # without steps in the header, the range of the samples
+            position = file.samples().position_m
+            ends += [float(np.nanmin(position)), float(np.nanmax(position))]
+        elif len(moves) > 1:
+            ends += moves
+    if not ends:
         raise RigError(
             "no recording moves in both directions", rule="without such a recording the range of the axis is unknown"
         )
@@ -275,7 +300,8 @@ def _envelope(files: Sequence[CycleFile], identity: Identity) -> Envelope:
     force = identity.limits.get("force_n", (-NO_LIMIT_N, NO_LIMIT_N))
     return Envelope(
         position_m=(min(ends), max(ends)),
-        speed_m_s=max(move.speed_m_s for move in moves) * (1.0 + SPEED_TOLERANCE),
+        speed_m_s=max((speed for file in files for speed in speeds_of(file.cycle)), default=0.0)
+        * (1.0 + SPEED_TOLERANCE),
         acceleration_m_s2=ASSUMED_ACCELERATION_M_S2,
         jerk_m_s3=ASSUMED_JERK_M_S3,
         force_n=min(map(abs, force)),

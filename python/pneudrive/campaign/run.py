@@ -102,6 +102,8 @@ def run_campaign(
         plan = lay_out(asked, bench.identity(), bench.limits())
         make_folder(folder)
         with FolderLock(folder) as lock:
+            if (folder / ABOUT).exists():  # another process was faster
+                raise CampaignError.of("campaign.begun", where=folder, folder=folder)
             operator = (options and options.operator) or asked.operator
             about = _about(plan, operator, {**asked.labels, **(labels or {})}, source)
             inputs = [stored_input("rig", source, source, _digest(source))] if Path(source).is_file() else []

@@ -158,7 +158,13 @@ def draft(protocol: Protocol, identity: Identity, envelope: Envelope) -> Plan:
     count = points * len(protocol.pressure.levels) * protocol.repeats * blocks
     within("cycles", count, f"the protocol asks for {count:,} cycles or more", ProtocolError, protocol.origin)
     with many_objects():
-        return replace(plan, planned=tuple(_planned(plan)))
+        plan = replace(plan, planned=tuple(_planned(plan)))
+    times = Counter(cycle.key.rpartition("/")[0] for cycle in plan.cycles if cycle.kind in POINTS)
+    for point, repeats in times.items():
+        if repeats > protocol.repeats:
+            rule = "levels must differ within 6 significant digits"
+            raise ProtocolError(f"two cycles have the key {point}/r1", where=protocol.origin, rule=rule)
+    return plan
 
 
 def _planned(plan: Plan) -> Iterator[Planned]:

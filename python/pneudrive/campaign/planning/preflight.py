@@ -106,7 +106,8 @@ class Plan(Shown):
     def allowed(self) -> Envelope:
         """Limits of the rig, tightened by the limits and the conditions of the protocol."""
         rig, tight, conditions = self.envelope, self.protocol.limits, self.protocol.conditions
-        ambient, supply, temperature = self.identity.ambient_pressure_pa, rig.supply_pressure_pa, rig.temperature_k
+        ambient, temperature = self.identity.ambient_pressure_pa, rig.temperature_k
+        supply = max(0.0, rig.supply_pressure_pa)  # NaN is no limit
         low, high = rig.pressure_pa
         if tight.pressure is not None:
             high = min(high, tight.pressure.absolute_pa(ambient))

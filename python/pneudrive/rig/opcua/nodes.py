@@ -24,12 +24,12 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import Field, create_model
+from pydantic import Field, create_model, model_validator
 
 from pneudrive.describe.base import Described
 from pneudrive.describe.files import toml
 from pneudrive.describe.marks import Bounds, Quantity, Reads, StatedPressure, Whole
-from pneudrive.errors import DescriptionError, RigError, nearest, package_table
+from pneudrive.errors import DescriptionError, RigError, nearest, package_table, wrong
 from pneudrive.rig.interface import WORDS
 from pneudrive.signals.columns import column_unit
 
@@ -145,6 +145,14 @@ class NodeMap(Described):
     def nodes(self) -> dict[str, Node]:
         """All nodes by name. Optional nodes may be absent. Ids of the ring contain ``{slot}``."""
         return {f"{table}.{key}": node for table in _TABLES for key, node in getattr(self, table).stored().items()}
+
+    @model_validator(mode="after")
+    def _ids_have_a_namespace(self) -> NodeMap:
+        for name, node in self.nodes.items():
+            if node.id is not None and not node.id.startswith("ns=") and not self.namespace:
+                remedy = 'Write namespace = "urn:..." at the top, or an id with ns=4;...'
+                raise wrong(name, f"the id of {name} has no namespace", remedy=remedy)
+        return self
 
     def __contains__(self, name: str) -> bool:
         """Return whether the map has a node."""
