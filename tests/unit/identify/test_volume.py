@@ -78,7 +78,7 @@ def test_a_shut_tank_has_a_leak_and_a_tight_one_a_limit():
 
 
 def test_gas_that_keeps_the_temperature_of_the_wall_is_found_from_a_guess_that_does_not():
-    fit = pn.identify_volume(pn.Tank.model_validate(TANK), record(20.0, 12.0, 4, heat=1e4))
+    fit = pn.identify_volume(pn.Tank.model_validate(TANK), record(10.0, 8.0, 4, heat=1e4))
     assert fit.statistics["rms.pressure"] < 1.1 * NOISE
     assert fit.intervals["line.conductance"][0] <= C <= fit.intervals["line.conductance"][1]
     assert [u.parameter for u in fit.undetermined] == ["volume.leakage", "volume.heat_transfer"]
