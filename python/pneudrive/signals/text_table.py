@@ -312,7 +312,7 @@ def column_number(column: int | str, names: Fields, width: int, path: Path, *, i
 
 
 def _fields(rows: Lines, form: TextForm, places: dict[str, int], texts: Set[str]) -> pl.DataFrame:
-    """Return the fields of some columns, by name and number, as numbers; those in `texts` as they are written.
+    """Return the fields of some columns, by name and number, as numbers; those in `texts` as unchanged texts.
 
     The result is null in rows that are too short, and for fields that are not numbers. A trailing comment is ignored.
     """

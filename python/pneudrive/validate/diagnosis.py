@@ -295,7 +295,7 @@ class _Regression:
         return 1.0 - fit.share <= RIVAL * (1.0 - best.share) or not self.is_dirty(fit.after)
 
     def fits(self, skipped: set[str], number: int) -> list[_Fit]:
-        """Fit each cause on its own, then the best causes with their companions. Return the fits, best first."""
+        """Fit each cause alone, then the best causes with their companions. Return the fits, best first."""
         wanted = [cause for key, cause in self.causes.items() if key not in skipped]
         columns, linear = {}, []  # linear effect of a unit of each cause that has an effect on the residual
         for cause in self.watch.each(list(self.causes.values()), f"causes tested after {number} found"):
