@@ -9,9 +9,10 @@ import re
 import numpy as np
 import pytest
 
-from pneudrive.describe import Drive
+from pneudrive.describe import Drive, FrictionLaw
 from pneudrive.errors import FitError
 from pneudrive.identify import FrictionFit, fit_friction
+from pneudrive.identify.export import SlidingCurve, curve_of_drive, export
 
 SPEED = np.geomspace(1e-3, 0.45, 20)
 
@@ -81,7 +82,6 @@ def test_an_exponential_curve_goes_over_to_modelica_exactly(make_map):
 
 def test_a_curve_of_simscape_goes_over_exactly(make_map):
     p = {"brkwy_frc": 50.0, "brkwy_vel": 0.01, "Col_frc": 30.0, "visc_coef": 40.0}
-    from pneudrive.identify.export import SlidingCurve, export
 
     speed = np.geomspace(1e-3, 0.45, 300)
     friction = np.array([simscape(v, p) for v in speed])
@@ -129,7 +129,6 @@ def test_wrong_wishes_are_refused(fit, tmp_path):
         fit.export("simscap")
     with pytest.raises(FitError, match="0 < lowest < highest"):
         fit.export("csv", speeds_m_s=(0.1, 0.1))
-    from pneudrive.identify.export import curve_of_drive
 
     with pytest.raises(FitError, match="has no range of measured speeds"):
         curve_of_drive(Drive.load("catalogue:reference"), None)
@@ -157,7 +156,6 @@ def test_the_table_of_a_drive_gives_its_friction_back(part):
     """Each part of the law is a row: from the rows alone follows the same law."""
     from pneudrive.describe.files import toml
     from pneudrive.describe.tables.friction import Friction
-    from pneudrive.identify.export import curve_of_drive, export
 
     drive = drive_with(LAWS[part])
     lines = export(curve_of_drive(drive, (1e-3, 1.0)), "csv").text.splitlines()
@@ -184,7 +182,6 @@ def test_the_table_of_a_drive_gives_its_friction_back(part):
     ],
 )
 def test_a_curve_says_which_part_is_lost_and_where_it_is_taken(part, tool, said):
-    from pneudrive.identify.export import curve_of_drive, export
 
     done = export(curve_of_drive(drive_with(LAWS[part]), (1e-3, 1.0)), tool)
     assert said in done.text
@@ -192,8 +189,6 @@ def test_a_curve_says_which_part_is_lost_and_where_it_is_taken(part, tool, said)
 
 
 def test_a_law_of_formulas_leaves_them_out_of_the_table_and_says_so():
-    from pneudrive.describe import FrictionLaw
-    from pneudrive.identify.export import curve_of_drive, export
 
     law = FrictionLaw(
         name="smooth",

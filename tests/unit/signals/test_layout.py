@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pneudrive.characterise import load_recordings
-from pneudrive.errors import LayoutError, PneudriveWarning
+from pneudrive.errors import LayoutError, PneudriveWarning, RecordingError
 
 PLAIN = (Path(__file__).parents[2] / "data" / "layout_plain.toml").read_text("utf-8")
 ROWS = "\n".join(f"{10 * i} {0.5 * i} {2.0 + 0.01 * i} {100.0 + i}" for i in range(30))
@@ -164,7 +164,6 @@ def test_the_layout_of_the_folder_above_holds_for_a_bare_name_too(tmp_path, monk
 
 
 def test_no_layout_an_empty_one_and_one_that_is_not_there(tmp_path):
-    from pneudrive.errors import RecordingError
 
     (tmp_path / "a.csv").write_text(ROWS)
     with pytest.raises(RecordingError, match="there is no layout for this file"):

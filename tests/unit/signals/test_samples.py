@@ -13,6 +13,7 @@ import h5py
 import numpy as np
 import polars as pl
 import pytest
+import xarray as xr
 
 from pneudrive.characterise import characterise_recordings, from_run
 from pneudrive.errors import RecordingError
@@ -104,8 +105,6 @@ def columns():
 
 
 def write(columns, path):
-    import polars as pl
-    import xarray as xr
 
     if path.suffix == ".nc":
         names = dict(zip(COLUMNS, VARIABLES, strict=True))
@@ -139,7 +138,6 @@ def test_an_exact_trajectory_has_no_bad_samples(columns):
 
 
 def test_the_dataset_of_a_simulation(columns):
-    import xarray as xr
 
     names = dict(zip(COLUMNS, VARIABLES, strict=True))
     time = columns.pop("time_s")

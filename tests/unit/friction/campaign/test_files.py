@@ -15,6 +15,7 @@ from oracle.stop_campaigns import StopWorld, write_stops
 from pneudrive.characterise import read_map
 from pneudrive.characteristics import campaign_friction, fit_campaign, write_characteristics
 from pneudrive.describe.files.toml import tomllib
+from pneudrive.friction.campaign import points, reading
 
 TRUE = Friction(coulomb=20.0, breakaway=32.0, stribeck_m_s=0.012, viscous=40.0, lip_a=2.0)
 GAUGES = ((0.0, 0.0), (1.5 * BAR, 0.0))
@@ -127,7 +128,6 @@ def test_cycles_of_different_settled_ways_are_brought_to_one(measured, quick):
 
 
 def test_worker_processes_give_the_same(quick, tmp_path, monkeypatch):
-    from pneudrive.friction.campaign import reading
 
     folder = write_campaign(tmp_path / "campaign", quick(), 1)
     here = campaign_friction(folder, processes=1)
@@ -139,7 +139,6 @@ def test_worker_processes_give_the_same(quick, tmp_path, monkeypatch):
 
 
 def test_a_large_campaign_is_condensed_and_says_the_same(quick, tmp_path, monkeypatch):
-    from pneudrive.friction.campaign import points
 
     world = quick(repeats=6, cycle_share=0.01, drift_share=0.02)
     folder = write_campaign(tmp_path / "campaign", world, 3)
@@ -157,8 +156,6 @@ def test_a_large_campaign_is_condensed_and_says_the_same(quick, tmp_path, monkey
 
 def test_forces_in_another_unit_scale_all_of_a_result(quick, tmp_path, monkeypatch):
     """Eight times every force and its sensor make eight times each curve, band and scatter, condensed or not."""
-    from pneudrive.friction.campaign import points
-
     world = quick(repeats=6, cycle_share=1e-3, drift_share=0.02, gauges_pa=((0.0, 0.0),), zero_n=1.0)
     one, other = (write_campaign(tmp_path / name, world, 3) for name in ("one", "other"))
     for path in (other / "cycles").glob("*.parquet"):

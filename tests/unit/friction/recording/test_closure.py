@@ -8,7 +8,7 @@ import numpy as np
 import polars as pl
 import pytest
 
-from oracle.recordings import AMBIENT
+from oracle.recordings import AMBIENT, make_recording
 from pneudrive.characterise import characterise_recordings, write_map
 from pneudrive.friction.campaign.characteristics import recorded_characteristics
 from pneudrive.friction.pressure import fit_closures, fit_pressure_lines, run_spread
@@ -221,7 +221,6 @@ def friction_n(seal: str, speed_m_s, bar: float):
 
 @pytest.fixture(scope="module")
 def found():
-    from oracle.recordings import make_recording
 
     cases = [(s, run, p, v) for s in COULOMB_N for run in "12" for p in (1.0, 3.0) for v in SPEEDS_M_S]
     recordings = []
