@@ -39,7 +39,7 @@ def overlapped(overlap):
 
 
 def test_a_shut_valve_is_seen_at_the_edge_of_its_overlap():
-    overlap = 0.06
+    overlap = 0.1
     axis = overlapped(overlap)
     gain = float(pn.drive_characteristic(axis, "bode", intervals=False).velocity_gain)
     # The edge opens from 0 to 1 over the rest of the travel: the slope of the same valve without overlap, steeper.
