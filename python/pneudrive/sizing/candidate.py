@@ -220,7 +220,7 @@ class SizingCandidate:
 
     @property
     def is_slow(self) -> bool:
-        """Whether a stroke with open needles is too slow even in the fast case, of this candidate or its wider lead."""
+        """Whether this candidate or its wider lead is too slow even with open needles in the fast case."""
         if self.settings is None:
             return self.lead is not None and self.lead.is_slow
         return not self.settings.times

@@ -278,7 +278,7 @@ class DriveStrokes:
         return CoreMembers(paths, values, starts)
 
     def _factors(self, draws: Array) -> Columns:
-        """Return the factors by which the samples scale numbers, by their paths in the core's form."""
+        """Return the factors with which the samples scale numbers of the drive. Keys are paths in the core's form."""
         spread = self.task.spread
         share = {name: 2.0 * column - 1.0 for name, column in zip(DRAWN, draws.T, strict=True)}
         friction = _between(spread.friction, draws, "friction")

@@ -157,7 +157,7 @@ class PageRequest(BaseModel):
 
 @cache
 def request_of(function: Callable[..., Any], *known: str) -> type[PageRequest]:
-    """Return the model of the parameters of a function that come from a request: all but those in `known`."""
+    """Return a model for a request. It has all parameters of a function except those in `known`."""
     fields: Plain = {
         key: (each.annotation, ... if each.default is each.empty else each.default)
         for key, each in signature(function, eval_str=True).parameters.items()

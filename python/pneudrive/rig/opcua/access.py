@@ -285,5 +285,5 @@ def _properties(content: bytes) -> CertProperties:
 
 
 def _validator(peer: CertificateValidatorOptions) -> CertificateValidator:
-    """Return a validator of the dates and the application of a certificate."""
+    """Return a validator that checks the dates of a certificate and the OPC UA application that it names."""
     return CertificateValidator(CertificateValidatorOptions.BASIC_VALIDATION | peer)
