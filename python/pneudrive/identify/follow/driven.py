@@ -345,6 +345,18 @@ class DrivenCircuit:
             self.parts[number.component]["numbers"][number.key] = float(value)
         return json.dumps(self.form)
 
+    def heat_w_k(self, side: str) -> float | None:
+        """Return the heat transfer from gas to wall in W/K, at the wall of the dead volume and both end faces.
+
+        It is defined for a chamber with a tank and a constant coefficient; otherwise, None is returned.
+        """
+        tank = self.tanks[side]
+        numbers = self.parts[tank or self.piston]["numbers"]
+        faces = 2.0 * self.areas_m2[SIDES.index(side)]
+        if tank is None or "heat_transfer" not in numbers:
+            return None
+        return numbers["heat_transfer"] * (numbers.get("wall_area", 0.0) + faces)
+
     def volumes_m3(self, position_m: Array) -> Columns:
         """Return the volume of each chamber at these positions."""
         a, b = self.areas_m2

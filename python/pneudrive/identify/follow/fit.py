@@ -228,10 +228,13 @@ class FollowFit(Fit, kind="motion"):
         from each half of a single recording.
     rivals : tuple of Rival
         Alternative models that were fitted.
+    solution : FollowSolution or None
+        Solution for figures; None if the fit was read from a file.
     """
 
     circuit: Circuit
     rivals: tuple[Rival, ...] = ()
+    solution: FollowSolution | None = field(default=None, repr=False)
 
     @property
     def records(self) -> tuple[FollowRecord, ...]:
@@ -352,6 +355,10 @@ def _result(
             lost.append(Undetermined(name, reason, remedy_for(name)))
     records = [vars(follow_record(solution, at)) for at in range(len(problem.records))]
     problem.driven.values_form(problem.numbers, np.exp(solution.point.shared))
+    heat = {side: problem.driven.heat_w_k(side) for side in SIDES}
+    passed = [f"{plain(value)} W/K in chamber {side}" for side, value in heat.items() if value]
+    if passed and any(name.endswith("heat_transfer") for name in values):
+        notes = [*notes, f"heat transfer between gas and wall, for dead volume and piston faces: {', '.join(passed)}"]
     if not solution.converged:
         notes = [*notes, "the search did not converge: give other start values"]
     return FollowFit(
@@ -368,6 +375,7 @@ def _result(
         rivals=beside,
         notes=tuple(notes),
         converged=solution.converged,
+        solution=solution,
         details=details,
     )
 
