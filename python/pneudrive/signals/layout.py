@@ -522,7 +522,7 @@ class Layout(Shown):
             tree = toml.merge(tree, rest)
         problems, kind = Problems(), self.kind
         layout: FileLayout | None = problems.take(FileLayout.model_validate, tree)
-        if layout is not None:
+        if layout is not None and kind in list(KINDS):  # a [[for]] may replace an unknown kind
             for error in layout.problems(kind, is_part=is_part):
                 problems.add(error)
             if kind == "rig" and not (is_part and layout.geometry == GeometryTable()):

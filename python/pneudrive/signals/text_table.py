@@ -350,7 +350,8 @@ def _fields(rows: Lines, form: TextForm, places: dict[str, int], texts: Set[str]
 SAMPLED_LINES = 400
 FEW_LINES = 40  # that reject most readings
 SAMPLED_FIELDS = 8000
-SEGMENTED = 0.5  # least share of lines with numbers for a valid reading: headers may come again and again
+MOSTLY = 0.95  # least share of lines with numbers for a valid reading
+SEGMENTED = 0.5  # the same for a file whose header comes again and again
 # First bytes of formats that are not text.
 MAGIC = {b"PAR1": "parquet", b"\x89HDF": "netcdf", b"TDSm": "tdms", b"MDF ": "mf4", b"MATL": "mat"}
 DELIMITERS: tuple[str | None, ...] = ("\t", ";", ",", "|", None)
@@ -423,15 +424,17 @@ def sniff_text(path: Path, data: bytes) -> FileForm:
     tail = [line for line in lines if line.strip() and not line.startswith("#")]
     sample = _sample(tail)
     readings = [_read(sample, form) for form in _candidates(sample) if sample]
-    fit = [one for one in readings if one.width - len(one.words) >= 2 and one.share >= SEGMENTED]
-    # White space is also used inside dates. It is the delimiter only without other signs.
-    fit = [one for one in fit if one.form.delimiter is not None] or fit
-    if fit:
-        worth = max(one.worth for one in fit)
-        # Among equals the earlier candidate wins: it has fewer separators.
-        fit = [one for one in fit if one.worth > worth - 1e-9]
-        _refuse_ambiguous(fit, sample, path)
-        return _with_header(lines, fit[0])
+    readings = [one for one in readings if one.width - len(one.words) >= 2]
+    for least in (MOSTLY, SEGMENTED):
+        fit = [one for one in readings if one.share >= least]
+        # White space is also used inside dates. It is the delimiter only without other signs.
+        fit = [one for one in fit if one.form.delimiter is not None] or fit
+        if fit:
+            worth = max(one.worth for one in fit)
+            # Among equals the earlier candidate wins: it has fewer separators.
+            fit = [one for one in fit if one.worth > worth - 1e-9]
+            _refuse_ambiguous(fit, sample, path)
+            return _with_header(lines, fit[0])
     cells = [found for line in sample[:FEW_LINES] for found in _CELL.finditer(line)]
     if unit := next((found for found in cells if (named := header_unit(found[1])) and named.si), None):
         raise RecordingError.of("signals.units-in-cells", where=str(path), value=unit[0])

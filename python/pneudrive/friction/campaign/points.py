@@ -282,13 +282,12 @@ class CurvePoints(CycleTable):
     def condensed(self) -> CurvePoints:
         """Group successive repeats of one condition, speed class and block, if there are too many points to fit each.
 
-        If there are very many groups, neighbouring blocks are merged.
+        If there are very many groups, neighbouring blocks of the same levels are merged.
         """
         used = np.flatnonzero(self.use)
         if used.size <= MOST_CYCLES:
             return self
-        block = np.unique(self["block"][used], return_inverse=True)[1]
-        groups = [used[group] for group in grouped(self["cell"][used], block, MOST_CYCLES, MOST_CELLS)]
+        groups = [used[group] for group in grouped(self["cell"][used], _stretches(self)[used], MOST_CYCLES, MOST_CELLS)]
         means = {}
         for name in ("speed_m_s", "friction_n", "offset_n", "air_n"):
             means[name] = np.array([self[name][group].mean() for group in groups])
@@ -323,6 +322,16 @@ def points_of(reading: CampaignData) -> CurvePoints | None:
     columns |= {"curve": curve, "level": level, "cell": cell, "reason": np.where(reason == "", unlikely, reason)}
     alone = tuple(np.arange(len(cycles))[:, None])
     return CurvePoints(cycles.columns | columns, pattern, conditions, speeds, cycles, alone)
+
+
+def _stretches(points: CurvePoints) -> Ints:
+    """Return the block index of each cycle, counted from 0 within each combination of mounting, seal and drive."""
+    ranks: dict[tuple[str, ...], dict[int, int]] = {}
+    found = []
+    for condition, block in zip(points["condition"], points["block"].tolist(), strict=True):
+        same = ranks.setdefault(condition.levels, {})
+        found.append(same.setdefault(block, len(same)))
+    return np.array(found, dtype=np.int64)
 
 
 def grouped(place: Ints, stretch: Ints, rows: int, most: int) -> list[list[int]]:
