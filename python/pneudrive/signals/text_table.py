@@ -427,6 +427,9 @@ def sniff_text(path: Path, data: bytes) -> FileForm:
     readings = [one for one in readings if one.width - len(one.words) >= 2]
     for least in (MOSTLY, SEGMENTED):
         fit = [one for one in readings if one.share >= least]
+        # Where white space separates columns, it does not mean thousands: 0,635 105,2 is two numbers.
+        is_blank = any(one.form.delimiter is None for one in fit)
+        fit = [one for one in fit if not (is_blank and one.form.thousands == " ")]
         # White space is also used inside dates. It is the delimiter only without other signs.
         fit = [one for one in fit if one.form.delimiter is not None] or fit
         if fit:

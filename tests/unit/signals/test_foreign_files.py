@@ -143,6 +143,15 @@ def test_a_unit_that_nobody_knows_is_asked_for(table, sheet):
     )
 
 
+def test_a_decimal_comma_does_not_separate_columns(tmp_path):
+    time = 0.1 + np.arange(600) / 1000.0
+    pressure = np.linspace(601.0, 40.0, time.size)  # in most rows a blank before three digits looks like thousands
+    rows = [[f"{t:.3f}".replace(".", ","), f"{p:.1f}".replace(".", ",")] for t, p in zip(time, pressure, strict=True)]
+    (tmp_path / "a.txt").write_text(text_of([["Zeit[s]", "Druck[kPa]"]], rows, " "))
+    form = propose_layout(tmp_path / "a.txt").reading.form
+    assert (form.delimiter, form.decimal, form.thousands) == (None, ",", None)
+
+
 def lvm(table, times, segment=0):
     head = [["LabVIEW Measurement", ""], ["X_Columns", times], ["***End_of_Header***", ""], [""]]
     block = [["Channels", "4"], ["Y_Unit_Label", "mm", "N", "bar", "bar"], ["X0", *["0,000"] * 4],
