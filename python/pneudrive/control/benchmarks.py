@@ -8,6 +8,7 @@ import math
 import re
 import threading
 import uuid
+from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
@@ -18,6 +19,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from pneudrive.control.loop import RTOL, Prepared, prepare, run_prepared
 from pneudrive.control.mismatch import Mismatch, MismatchOrFile, mismatched, read_mismatch
+from pneudrive.control.own_law import is_own
 from pneudrive.control.references import NAMES, USUAL, ReferenceOrFile, named_or_read, reference
 from pneudrive.control.scores import SHOWN, SPREAD_SHOWN, Score, written
 from pneudrive.control.setup import Setup, SetupOrFile, read_setup
@@ -321,13 +323,15 @@ def _runs(folder: Path, references: Mapping[str, str]) -> tuple[ControlledRun, .
     table = pl.read_parquet(path)
     measures = [one.name for one in fields(Score)]
     true = [name for name in table.columns if name.startswith(_TRUE)]
-    names, out = list(references), []
-    for place, row in enumerate(table.iter_rows(named=True)):
-        along = names[place * len(names) // len(table)]  # the rows of a reference follow each other
+    out, times = [], Counter[tuple[str, str, int]]()  # two names may have equal texts: their runs come in this order
+    for row in table.iter_rows(named=True):
         score = None if row["reason"] else Score(**{name: row[name] for name in measures})
         truth = {name.removeprefix(_TRUE): row[name] for name in true if row[name] is not None}
         file = folder / RUNS / Path(row["run"] or "none.parquet").name
-        out.append(ControlledRun(row["law"], along, row["seed"], score, row["reason"], file, truth))
+        law, text, seed = row["law"], row["reference"], row["seed"]
+        along = [name for name, own in references.items() if own == text][times[law, text, seed]]
+        times[law, text, seed] += 1
+        out.append(ControlledRun(law, along, seed, score, row["reason"], file, truth))
     return tuple(out)
 
 
@@ -556,6 +560,8 @@ def benchmark(
     }
     store = Store(folder, keeps=own is None, mark=mark_of(folder, tunings))
     first = next(iter(prepared.values()))
+    prepared_for = _by_member(prepared, own)
+    prepared_for(*next(iter(prepared)), 1)  # before the scores of another comparison go: does the spread fit the drive?
 
     about: Plain = {"drive": drive.name, "setup": name, "setup_about": read.about, "mismatch": first.mismatch}
     about |= {"spread": of_spread, "count": count, "rtol": RTOL}
@@ -571,7 +577,7 @@ def benchmark(
 
     # Members outermost, so that each of their circuits is compiled once.
     each = [(law, along, seed) for seed in range(1, count + 1) for along in to_follow for law in tunings]
-    runs = _run_all(folder, store, each, _by_member(prepared, own), at_once, Watch(progress, cancel))
+    runs = _run_all(folder, store, each, prepared_for, at_once, Watch(progress, cancel))
     order = [(law, along, seed) for along in to_follow for law in tunings for seed in range(1, count + 1)]
     made = replace(read_comparison(folder), runs=tuple(map(runs.__getitem__, order)))
     for table in (SCORES, TABLE):
@@ -651,7 +657,7 @@ def _tunings(drive: DriveOrCircuit, asked: object, options: Plain) -> dict[str, 
     out: dict[str, Tuning] = {}
     for one in each:
         is_file = isinstance(one, str | Path) and str(one).endswith(".toml")
-        source = {"controller": one} if is_file else {"law": one}
+        source = {"controller": one} if is_file else {"law": one if is_own(one) else str(one)}
         tuning = one if isinstance(one, Tuning) else tune(drive, **source, **options)
         name = Path(str(one)).stem if is_file else tuning.law
         if name in out:
@@ -672,8 +678,9 @@ def _references(drive: DriveOrCircuit, asked: References) -> dict[str, Reference
     reach = tune(drive).reach
     out: dict[str, Reference] = {}
     for one in asked:
-        read = named_or_read(one, *reach)
-        name = str(one) if one in NAMES else read.text
+        is_name = isinstance(one, str) and one in NAMES
+        read = named_or_read(one, *reach) if is_name else reference(one)
+        name = str(one) if is_name else read.text
         if out.setdefault(name, read) != read:
             raise CommandError(f'two references are called "{name}"', remedy='Give them names: {"first": ..., ...}.')
     return out

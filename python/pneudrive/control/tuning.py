@@ -63,6 +63,15 @@ def _hold(given: Any) -> HoldBand | None:  # noqa: ANN401 - of any type
     return HoldBand.model_validate(given)  # type: ignore[return-value]
 
 
+def _numbers(table: str) -> Reads:
+    def read(given: Any) -> Plain:  # noqa: ANN401 - of any type
+        if not isinstance(given, dict):
+            raise DescriptionError(f"{given!r} is not a table", remedy=f"Write [{table}], then a line for each number.")
+        return dict(given)
+
+    return Reads(read)
+
+
 _Factor = Annotated[float, Quantity("", bounds=Bounds(at_least=0.1, at_most=10.0))]
 
 
@@ -129,8 +138,8 @@ class Controller(Described):
         default=True, strict=True, description="it learns friction, mass and valve of its drive while it runs"
     )
     factors: Factors = Factors()
-    gains: dict[str, Any] = Field(default_factory=dict)
-    valves: dict[str, Any] = Field(default_factory=dict)
+    gains: Annotated[dict[str, Any], _numbers("gains")] = Field(default_factory=dict)
+    valves: Annotated[dict[str, Any], _numbers("valves")] = Field(default_factory=dict)
     hold: Annotated[HoldBand | None, Reads(_hold)] = Field(default=HoldBand(), description="false: it never holds")
     limits: instrumentation.ControlLimits = instrumentation.ControlLimits()
     motion: instrumentation.MotionComplete = instrumentation.MotionComplete()

@@ -127,10 +127,6 @@ def member_plans(command: Any, duration: Any, commandable: Mapping[str, CommandI
         Component that takes a command -> its electrical input.
     """
     rows: dict[str, EachSteps] = {}
-    if isinstance(command, list | tuple) and command and all(isinstance(one, Mapping) for one in command):
-        if any(set(one) != set(command[0]) for one in command):
-            raise CommandError("the members have commands of different components", rule="the same ones in each member")
-        command = {name: [one[name] for one in command] for name in command[0]}
     if "" in commandable and not isinstance(command, Mapping):
         rows[""] = read_rows(command, commandable[""])
     elif isinstance(command, Mapping):
@@ -141,6 +137,11 @@ def member_plans(command: Any, duration: Any, commandable: Mapping[str, CommandI
                 raise CommandError(f"two commands are given for {own}", remedy="Keep one of them.")
             with naming(own, CommandError):
                 rows[own] = read_rows(given, commandable[own])
+    elif isinstance(command, list | tuple) and command and all(isinstance(one, Mapping) for one in command):
+        each = [dict(_member(place, commands.plans, one, commandable)) for place, one in enumerate(command)]
+        if any(set(one) != set(each[0]) for one in each):
+            raise CommandError("the members have commands of different components", rule="the same ones in each member")
+        rows = {name: [one[name] for one in each] for name in each[0]}
     elif _is_many(command) and not commands.are_named(command):
         ((own, _),) = commands.plans(0.0, commandable)
         rows[own] = read_rows(command, commandable[own])
@@ -175,7 +176,7 @@ def read_rows(given: Any, signal: CommandInput) -> EachSteps:  # noqa: ANN401
         raise CommandError("a function cannot command many members", remedy="Give pairs (time, command).")
     if not _is_many(given):
         return [commands.steps(given, None, signal)]
-    return [_member(place, one, signal) for place, one in enumerate(given)]
+    return [_member(place, commands.steps, one, None, signal) for place, one in enumerate(given)]
 
 
 def _is_many(given: Any) -> bool:  # noqa: ANN401
@@ -189,11 +190,11 @@ def _is_many(given: Any) -> bool:  # noqa: ANN401
     return not all(is_pair)  # without entries, this is one command
 
 
-def _member(place: int, given: Any, signal: CommandInput) -> Steps:  # noqa: ANN401
+def _member(place: int, read: Any, *given: Any) -> Any:  # noqa: ANN401
     with naming(f"member {place}", CommandError):
-        if callable(given):
+        if callable(given[0]):
             raise CommandError("the command must not be a function", remedy="Give pairs (time, command).")
-        return commands.steps(given, None, signal)
+        return read(*given)
 
 
 def parted_starts(given: Any) -> tuple[Any, dict[str, list[Any]]]:  # noqa: ANN401
@@ -400,7 +401,7 @@ def _time_when(signals: SignalNames, condition: str) -> Reduction:
     column, name, unit, long_name = signals.meaning(signal)
     side = "above" if sign == ">" else "below"
     about = f"first time at which {long_name.partition(',')[0]} {sign} {text}"
-    if "pressure" in name:
+    if "pressure" in name and unit not in ("", "1"):
         with naming("outputs"):
             pressure = units.parse_pressure(text)
         if pressure.gauge:

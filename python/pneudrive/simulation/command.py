@@ -83,7 +83,7 @@ def steps(command: Command, times: Sequence[float] | None = None, signal: Comman
         if isinstance(time, str) and not places:
             with naming("a time of the command"):
                 time = units.parse(time, "s")  # in s
-        if isinstance(value, str) and value.split()[1:]:  # a voltage or a current
+        if isinstance(value, str) and value.split()[1:] and not places:  # a voltage or a current
             electrical = signal.signal if isinstance(signal, Positions) else signal
             if electrical is None:
                 raise CommandError.of("simulation.no-electrical-input", given=value)

@@ -334,7 +334,8 @@ def number_of(given: str | float, si_unit: str, what: str) -> float:
     """
     try:
         with naming(what):
-            value = units.parse(given, si_unit) if isinstance(given, str) and si_unit not in ("", "1") else float(given)
+            is_plain = not isinstance(given, str) or (si_unit in ("", "1") and not units.split_number(given)[1])
+            value = float(given) if is_plain else units.parse(str(given), si_unit)
     except (TypeError, ValueError):
         rule = f"a text with a unit, or a number in {si_unit}" if si_unit not in ("", "1") else "a number without unit"
         raise CommandError(f"{what} = {given} has the type {type(given).__name__}", rule=rule) from None
