@@ -9,7 +9,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy.stats import qmc
+from scipy.stats import bootstrap, qmc
 
 from pneudrive.ensemble.design import HALF_CELL, Rows, design_of
 from pneudrive.ensemble.many import EnsembleStudy, Executor, Members, results, study_of
@@ -196,10 +196,14 @@ def sobol_indices(
         if f.shape[1] < 2 or np.ptp(f[:2]) == 0.0:
             continue
         indices[..., k] = _indices(f)
-        rng = np.random.default_rng([seed, k])
-        m = f.shape[1]
-        sizes = [min(TOGETHER, resamples - done) for done in range(0, resamples, TOGETHER)]
-        again = np.concatenate([_indices(f[:, rng.integers(0, m, (size, m))]) for size in sizes], axis=-1)
+        again = bootstrap(
+            [np.arange(f.shape[1])],
+            lambda rows, axis, f=f: _indices(f[:, rows]),  # scipy asks for `axis`: it is the last one
+            n_resamples=resamples,
+            batch=TOGETHER,
+            method="percentile",
+            rng=np.random.default_rng([seed, k]),
+        ).bootstrap_distribution
         tails = [0.5 * (1.0 - CONFIDENCE), 0.5 * (1.0 + CONFIDENCE)]
         ends[..., k] = np.nanquantile(again, tails, axis=-1)
     intervals = {"first_interval": ends[:, 0], "total_interval": ends[:, 1]}

@@ -332,13 +332,16 @@ def number_of(given: str | float, si_unit: str, what: str) -> float:
     CommandError
         The quantity cannot be read, or is not finite.
     """
+    is_pure = si_unit in ("", "1")
     try:
         with naming(what):
-            is_plain = not isinstance(given, str) or (si_unit in ("", "1") and not units.split_number(given)[1])
-            value = float(given) if is_plain else units.parse(str(given), si_unit)
+            share = units.share_of(given) if is_pure else None
+            is_quantity = isinstance(given, str) and not is_pure
+            value = units.parse(str(given), si_unit) if is_quantity else float(given if share is None else share)
     except (TypeError, ValueError):
-        rule = f"a text with a unit, or a number in {si_unit}" if si_unit not in ("", "1") else "a number without unit"
-        raise CommandError(f"{what} = {given} has the type {type(given).__name__}", rule=rule) from None
+        fault = "is not a number" if isinstance(given, str) else f"has the type {type(given).__name__}"
+        rule = "a number without a unit" if is_pure else f"a text with a unit, or a number in {si_unit}"
+        raise CommandError(f"{what} = {given} {fault}", rule=rule) from None
     if not math.isfinite(value):
         raise CommandError(f"{what} = {given} is out of bounds", rule="finite")
     return value

@@ -5,12 +5,10 @@ import pytest
 
 from oracle.drive_records import drive, record
 from oracle.faulty_circuits import faulty_record
-from pneudrive.progress import Watch
 from pneudrive.signals.drive_recording import drive_recording
 from pneudrive.validate import diagnose, validate
 from pneudrive.validate.balance import Scene, Signals
 from pneudrive.validate.causes import causes
-from pneudrive.validate.diagnosis import _Regression
 from trials.diagnosis_hits import CASES
 
 BY_NAME = {case.name: case for case in CASES}
@@ -143,9 +141,8 @@ def test_no_cause_has_an_amount_that_physics_forbids():
     assert by_key["Coulomb friction"].bounds[0] == -level["coulomb"]
     assert by_key["viscous friction"].bounds[0] == -level["viscous"]
     assert by_key["Stribeck friction"].bounds[0] == level["coulomb"] - level["breakaway"]
-    signals = [Signals.of(record(drive(), 11, duration_s=3.0))]
-    fits = _Regression(drive(supply__pressure="6 bar abs"), signals, Watch()).fits(set(), 0)
-    amounts = {fit.cause.key: fit.amount for fit in fits if len(fit.causes) == 1}
+    strong = diagnose(drive(supply__pressure="6 bar abs"), [Signals.of(record(drive(), 11, duration_s=3.0))])
+    amounts = {culprit.key: culprit.amount for culprit in strong.culprits}
     assert amounts["supply pressure"] == pytest.approx(1e5, rel=0.05)
     assert all(amounts[key] >= 0.0 for key in one_sided & amounts.keys())
 

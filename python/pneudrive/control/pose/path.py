@@ -19,7 +19,7 @@ from pneudrive.control.scores import LOST_M, event_table, run_title
 from pneudrive.describe.files import toml
 from pneudrive.errors import DescriptionError, PneudriveError, invalid, nearest, wrong
 from pneudrive.platforms import Platform
-from pneudrive.repr_tables import Shown
+from pneudrive.repr_tables import Card, Shown
 from pneudrive.views import Finding, ShownTable, ShownValue, View, Viewed
 
 FORMS = (
@@ -95,10 +95,12 @@ class PosePath(Shown):
     ----------
     text : str
         Name of the file, or the texts of the coordinates.
+    coordinates : tuple of str
     lines : tuple of CoordinatePath
     """
 
     text: str
+    coordinates: tuple[str, ...]
     lines: tuple[CoordinatePath, ...]
 
     @property
@@ -118,6 +120,10 @@ class PosePath(Shown):
         """Return coordinates (m, rad) and two derivatives at times (s), with the shape (3, times, coordinates)."""
         times = np.ascontiguousarray(times_s, dtype=float)
         return np.stack([line.at(times) for line in self.lines], axis=-1)
+
+    def _card(self) -> Card:
+        rows = [(key, str(line)) for key, line in zip(self.coordinates, self.lines, strict=True)]
+        return Card(f"Path of a pose, {self.text}", rows=rows)
 
 
 def pose_path(given: PosePath | Mapping[str, str] | str | Path, platform: Platform) -> PosePath:
@@ -171,7 +177,7 @@ def pose_path(given: PosePath | Mapping[str, str] | str | Path, platform: Platfo
         for kind, keys in pairs.items():
             if len(keys) not in (0, 2):
                 raise invalid(keys[0], "control.pair", key=keys[0], kind=kind, count=len(keys))
-        return PosePath(name, tuple(lines))
+        return PosePath(name, platform.coordinates, tuple(lines))
 
 
 def _line(given: object, unit: str, home: float) -> CoordinatePath:

@@ -291,7 +291,7 @@ class Link:
 def _node_id(text: str, namespace: str, uris: list[str], url: str) -> Any:  # noqa: ANN401 - asyncua's node id
     if not text.startswith("ns="):
         if namespace not in uris:
-            raise RigError.of("rig.namespace", where=url, value=", ".join(uris), namespace=namespace or "''")
+            raise RigError.of("rig.namespace", where=url, value=", ".join(uris), namespace=namespace)
         text = f"ns={uris.index(namespace)};{text}"
     try:
         return ua.NodeId.from_string(text)
