@@ -76,7 +76,7 @@ BROKEN = {
         SWEEP + UNEQUAL,
         {"separate_pressures": False},
         {},
-        ["3 bar abs and 1 bar abs", "common manifold", "[pressure] both"],
+        ["3 bar abs and 1 bar abs", "common manifold", "key `both`"],
     ),
     "temperature": (
         SWEEP + '[conditions]\ntemperature = "40 degC .. 60 degC"\n',
