@@ -33,6 +33,11 @@ _START = (
 )
 
 
+def processors() -> int:
+    """Return the number of processors that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
 @contextmanager
 def many_objects() -> Iterator[None]:
     """Suspend the cyclic garbage collector, which otherwise takes a third of the time when many objects are created."""
@@ -91,9 +96,7 @@ def share_out(
     list
         One result for each item, in the order of the items.
     """
-    affinity = hasattr(os, "sched_getaffinity")  # not known on every system
-    available = len(os.sched_getaffinity(0)) if affinity else os.cpu_count() or 1
-    number = min(processes or min(available, MOST_WORKERS), len(items))
+    number = min(processes or min(processors(), MOST_WORKERS), len(items))
     if len(items) < least or number < 2:
         return work(items, *rest)
     parts = in_processes(work, [(items[first::number], *rest) for first in range(number)])

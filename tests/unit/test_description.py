@@ -268,7 +268,7 @@ def test_a_component_by_a_flow_without_its_ratio_writes_the_assumption_down():
 @pytest.mark.parametrize("digits", [20, 400, 5000])
 def test_numbers_of_many_digits_are_refused_in_words(tmp_path, digits):
     text = pn.Drive.load("catalogue:reference").to_toml()
-    (tmp_path / "drive.toml").write_text(re.sub(r"ratio = [0-9.]+", f"ratio = {'9' * digits}", text), encoding="utf-8")
+    (tmp_path / "drive.toml").write_text(re.sub(r"(ratio = { value =) [0-9.]+", rf"\1 {'9' * digits}", text))
     with pytest.raises(DescriptionError, match=r"whole number|digits"):
         pn.Drive.load(tmp_path / "drive.toml")
     with pytest.raises(DescriptionError, match="is out of bounds"):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 import threading
+import tomllib
 import warnings
 
 import numpy as np
@@ -226,10 +227,11 @@ def test_what_a_friction_table_without_a_law_assumed_is_kept():
     with pytest.warns(PneudriveWarning, match="names no law"):
         drive = pn.Drive.model_validate(tables)
     run = pn.simulate(drive, "0 s: 0.5", "0.05 s")
-    assert "friction.law = elasto-plastic" in run.attrs["assumed"]
-    assert {"friction.viscous = 0 N s/m", "friction.bristle_damping = 450 N s/m"} <= set(run.attrs["assumed"])
-    assert "friction.viscous = 0 N s/m" in drive.replace({"supply.pressure": "5 bar gauge"}).assumed()
-    assert "viscous" not in dict(drive.replace({"friction.viscous": "9 N s/m"}).friction.assumed)
+    assumed = {"friction.law = elasto-plastic, no law was named", "friction.viscous = 0 N s/m, no law was named"}
+    assert assumed <= set(run.attrs["assumed"])
+    assert assumed <= set(drive.replace({"supply.pressure": "5 bar gauge"}).assumed())
+    assert "viscous" not in str(drive.replace({"friction.viscous": "9 N s/m"}).assumed())
+    assert pn.Drive.model_validate(tomllib.loads(drive.to_toml())).assumed() == drive.assumed()
     again = pn.Circuit.load(drive.circuit.to_toml())  # the marks are in the file
     assert "cylinder.friction.viscous = 0 N s/m, no law was named" in again.assumed()
     assert (again.assumed(), again.core_json()) == (drive.circuit.assumed(), drive.circuit.core_json())

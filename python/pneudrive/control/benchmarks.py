@@ -17,6 +17,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from pneudrive.batching import processors
 from pneudrive.control.loop import RTOL, Prepared, prepare, run_prepared
 from pneudrive.control.mismatch import Mismatch, MismatchOrFile, mismatched, read_mismatch
 from pneudrive.control.own_law import is_own
@@ -24,7 +25,6 @@ from pneudrive.control.references import NAMES, USUAL, ReferenceOrFile, named_or
 from pneudrive.control.scores import SHOWN, SPREAD_SHOWN, Score, written
 from pneudrive.control.setup import Setup, SetupOrFile, read_setup
 from pneudrive.control.tuning import Tuning, laws, tune
-from pneudrive.ensemble.variation import processors
 from pneudrive.errors import CommandError, RecordingError, SimulationError
 from pneudrive.files.content import read_json, read_text
 from pneudrive.files.inputs import INPUTS, inputs_of, stored_beside

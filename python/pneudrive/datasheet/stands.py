@@ -229,7 +229,7 @@ def parts_of(drive: Drive) -> Iterator[Entry]:
     own = {key: origin.value for key, origin in drive.origin_of.items()}
     for part in entries().values():
         table = part.kind.partition("/")[0]
-        sourced = [value for value in part.values if value.source is not None]
+        sourced = [value for value in part.values if value.source is not None and value.key != "kind"]
         if part.is_drive or table not in ("valve", "cylinder") or not sourced:
             continue
         if part.kind.partition("/")[2] != getattr(drive, table).kind:

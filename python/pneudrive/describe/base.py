@@ -268,7 +268,11 @@ class DescribedFile(Described):
 
     def to_toml(self) -> str:
         """Return the description as TOML text, from which `load` reads exactly the same values."""
-        return toml.write({"schema": self.schema_version} | self.to_dict())
+        return toml.write({"schema": self.schema_version} | self.with_origins())
+
+    def with_origins(self) -> Plain:
+        """Return the table in the form of `to_dict`, with the origin of each value if it is known."""
+        return self.to_dict()
 
 
 def mark_of(field: FieldInfo) -> Mark | None:

@@ -61,9 +61,7 @@ class Component(Described):
                 plain[RATIO] = ratio
                 origins |= {RATIO: sourced.Value(RATIO, ratio, None, valve_flow.USUAL_RATIO_SAID)}
         made = handler(plain)
-        for key, value in getattr(getattr(made, "friction", None), "assumed", ()):
-            origins[f"friction.{key}"] = sourced.Value(f"friction.{key}", value, None, "no law was named")
-        vars(made)["origins"] = origins
+        vars(made)["origins"] = origins | getattr(getattr(made, "friction", None), "origins", {})
         return made
 
     @cached_property

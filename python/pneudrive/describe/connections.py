@@ -204,14 +204,7 @@ class Wiring:
                     with self.problems.caught():
                         self._join(one, other, chain, key, is_line=is_line)
 
-    def element(
-        self,
-        word: str,
-        key: str,
-        *,
-        first: bool,
-        last: bool,
-    ) -> tuple[Port | None, Port | None]:
+    def element(self, word: str, key: str, *, first: bool, last: bool) -> tuple[Port | None, Port | None]:
         """Return the ports at which a chain enters and leaves a component; None for a port that does not exist."""
         if word == AMBIENT:
             return AIR, AIR

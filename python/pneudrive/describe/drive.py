@@ -78,7 +78,9 @@ class Drive(DescribedSystem):
     def _fits_together(cls, data: Any, handler: Callable[[Any], Drive]) -> Drive:  # noqa: ANN401
         if isinstance(data, dict) and "components" in data:
             raise invalid("components", "describe.circuit-for-drive")
-        drive = handler(data)
+        values, origins = sourced.parted(data) if isinstance(data, dict) else (data, {})
+        drive = handler(values)
+        vars(drive)["origin_of"] = origins | drive.friction.origins
         if not drive.is_plain:
             assert drive.circuit  # raises an error if it is wrong
         ambient_pa = drive.ambient.pressure_pa
@@ -134,8 +136,9 @@ class Drive(DescribedSystem):
         entry = catalogue.entry(reference, catalogue.DRIVE, "drive")
         values = catalogue.all_values(entry)
         tables = {"schema": 1, "name": entry.title} | toml.nested((v.key, v.value) for v in values)
-        made = cls.model_validate(merge(tables, changes))
-        vars(made)["origin_of"] = _untouched(values, changes)
+        origins = _untouched(values, changes)
+        made = cls.model_validate(sourced.put_back(merge(tables, changes), origins))
+        vars(made)["origin_of"] = origins | made.origin_of
         return made.read_from(reference)
 
     def replace(self, changes: Plain) -> Drive:
@@ -154,17 +157,19 @@ class Drive(DescribedSystem):
         """
         values = ((key, as_tables(value)) for key, value in changes.items() if key != "provenance")
         nested, origins = toml.nested(values), changes.get("provenance", {})
-        tables = merge(self.to_dict(), nested)
+        untouched = _untouched(self.origin_of.values(), nested)
+        tables = sourced.put_back(merge(self.to_dict(), nested), untouched)
         tables.pop("provenance", None)
         after = type(self).model_validate(tables)
         known = provenance.kept(self, after, self.provenance) | origins if self.provenance or origins else {}
         if known:
             after = type(self).model_validate(tables | {"provenance": known})
-        vars(after)["origin_of"] = _untouched(self.origin_of.values(), nested)
-        if "law" not in (changed := nested.get("friction", {})):
-            kept = (one for one in self.friction.assumed if one[0] not in changed)
-            vars(after.friction)["assumed"] = tuple(kept)
+        vars(after)["origin_of"] = untouched | after.origin_of
         return after.read_from(self.source_file)
+
+    def with_origins(self) -> Plain:
+        """Return the table in the form of `to_dict`, with the origin of each value if it is known."""
+        return sourced.put_back(self.to_dict(), self.origin_of)
 
     @property
     def supply_pressure_pa(self) -> float:
@@ -202,13 +207,15 @@ class Drive(DescribedSystem):
         """The drive as a circuit of components."""
         from pneudrive.describe.circuit import Circuit
 
-        tables = self.to_dict()
+        tables, sourced_tables = self.to_dict(), self.with_origins()
         about = {key: tables[key] for key in ("gas", "ambient", "labels") if key in tables}
-        parts = {key: tables[key] for key in TABLES if key in tables}
+        parts = {key: sourced_tables[key] for key in TABLES if key in tables}
         if self.valve.is_switching:  # its load can be varied; a drive with lines keeps its hash
             parts.setdefault("load", {"mass": "0 kg"})
         # Friction is passed as an object: a custom law from a file has no complete text.
         circuit = Circuit.model_validate({"name": self.name} | about | parts | {"friction": self.friction})
+        friction = {key: value for key, value in self.origin_of.items() if key.partition(".")[0] == "friction"}
+        vars(circuit.components[PISTON])["origins"] |= friction
         return circuit.read_from(self.source_file)
 
     @cached_property
@@ -301,9 +308,12 @@ class Drive(DescribedSystem):
     @cached_property
     def assumptions(self) -> list[tuple[str, str]]:
         """Assumptions as pairs (text, name of a component or joint). The name is empty if the drive `is_plain`."""
-        out = [f"{v.key} = {inline(v.value)}, {v.assumed}" for v in self.origin_of.values() if v.assumed is not None]
+        assumed = [value for value in self.origin_of.values() if value.assumed is not None]
+        out = [f"{value.key} = {inline(value.value)}, {value.assumed}" for value in assumed]
         if not self.is_plain:
-            return [(escaped(line), "") for line in out] + self.circuit.assumptions
+            listed = tuple(escaped(f", {value.assumed}") for value in assumed)
+            more = [one for one in self.circuit.assumptions if not one[0].endswith(listed)]
+            return [(escaped(line), "") for line in out] + more
         for table, keys in _ASSUMED.items():
             part = getattr(self, table)
             given = part.model_fields_set
@@ -312,7 +322,6 @@ class Drive(DescribedSystem):
             out += [f"{table}.{key} = {getattr(part, key)}" for key in keys if key not in given]
         given = [key_of(name) for name in self.cylinder.end_stop.stored()]
         out += assumed_stops("cylinder.end_stop.", given, self.system.compiled().end_stops(0.0)[PISTON])
-        out += [f"friction.{key} = {value}" for key, value in self.friction.assumed]
         return [(escaped(line), "") for line in out]
 
     @property

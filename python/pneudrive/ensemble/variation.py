@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from functools import cached_property, lru_cache
 from itertools import product
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
@@ -11,6 +10,7 @@ import numpy as np
 
 from pneudrive import units
 from pneudrive.arrays import Array, Columns, Plain, by_name
+from pneudrive.batching import processors
 from pneudrive.describe.marks import StatedPressure
 from pneudrive.describe.tables.parts import Initial
 from pneudrive.describe.tables.starts import read_initial, start_state, start_table, start_values
@@ -362,11 +362,6 @@ def run_members(
             reasons |= {int(places[place]): why for place, why in outcome["reasons"].items()}
         done += len(places)
     return [values[k] for k in range(len(kept))], status, reasons
-
-
-def processors() -> int:
-    """Return the number of processors that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 @lru_cache(maxsize=8)

@@ -19,11 +19,12 @@ import numpy as np
 
 from pneudrive import units
 from pneudrive.arrays import Array, Bools, Columns, Keyed, NamedNumbers, Plain, by_name
+from pneudrive.batching import processors
 from pneudrive.constants import AIR_GAS_CONSTANT_J_KG_K, ANR_DENSITY_KG_M3, ANR_TEMPERATURE_K, STANDARD_GRAVITY_M_S2
 from pneudrive.describe.circuit import Circuit
 from pneudrive.describe.system import System
 from pneudrive.ensemble.outputs import MemberPlans, Reduction
-from pneudrive.ensemble.variation import DONE, CoreMembers, Starts, processors, run_members
+from pneudrive.ensemble.variation import DONE, CoreMembers, Starts, run_members
 from pneudrive.sizing.task import PROPORTIONAL, DriveChoice, PartChoice, SizingTask, energy_limit, peak_limit
 
 if TYPE_CHECKING:

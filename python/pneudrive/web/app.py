@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import asyncio
 import json
-import os
 import platform
 import re
 from functools import cache
@@ -24,6 +23,7 @@ from starlette.routing import Route, WebSocketRoute
 
 from pneudrive import __version__
 from pneudrive.arrays import Keyed, Plain
+from pneudrive.batching import processors
 from pneudrive.errors import CommandError, PneudriveError, package_table
 from pneudrive.figures import plain_data
 from pneudrive.report.page import FIGURES, POLICY, REPORT
@@ -69,7 +69,7 @@ def make_app(workspace: Workspace, page: Mapping[str, bytes], *, control: bool =
         Whether the page may send requests to campaigns.
     """
     build = json.loads(page.get(BUILD_FILE, b"{}")).get("build", "")
-    threads = asyncio.Semaphore(os.cpu_count() or 1)
+    threads = asyncio.Semaphore(processors())
     known = {"workspace": workspace, "control": control, "build": build}
 
     async def socket(websocket: WebSocket) -> None:

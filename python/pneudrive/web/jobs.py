@@ -18,7 +18,7 @@ from typing import Annotated
 from pydantic import StrictFloat
 
 from pneudrive.arrays import Plain
-from pneudrive.batching import child_command
+from pneudrive.batching import child_command, processors
 from pneudrive.errors import CommandError
 from pneudrive.web.messages import bounded, words
 from pneudrive.web.workspace import DESCRIPTIONS, Workspace, last_lines, log_folder
@@ -165,7 +165,7 @@ class PageJobs:
         """
         with self._lock:
             running = [job.request.out for job in self.all if job.state == "running"]
-            if len(running) >= (os.cpu_count() or 1):
+            if len(running) >= processors():
                 raise CommandError(f"{len(running)} jobs are running", remedy="Wait until a job ends, or cancel one.")
             out = self.workspace.folder(request.out)
             if (request.is_new and out.exists()) or request.out in running:

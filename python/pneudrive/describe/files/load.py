@@ -15,7 +15,7 @@ from pneudrive.describe.short import TABLES, TUBES
 from pneudrive.errors import DescriptionError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterable
 
     from pneudrive.arrays import Plain
 
@@ -91,6 +91,8 @@ def drive_schema() -> Plain:
         keys |= {key.removeprefix("needle_"): form for key, form in keys.items() if key.startswith("needle_")}
         one = table_schema(keys | ({"model": model} if kind == "tube" else {}))
         schema["properties"][table] = table_schema({"a": one, "b": one})
+    tables = [table for name, table in schema["$defs"].items() if name not in ("Friction", "Origin")]
+    _allow_origins([*tables, *schema["$defs"]["Friction"]["oneOf"]])
     whole = {"required": required, "properties": {"drive": False}}
     return schema | {"anyOf": [whole, {"required": ["drive"]}]}
 
@@ -111,14 +113,9 @@ def circuit_schema() -> Plain:
             one["properties"]["formula"] = {"anyOf": [{"type": "string", "pattern": "^file:.+$"}, {"type": "object"}]}
             one["additionalProperties"] = {"type": ["string", "number", "object"]}
         whole = _with_tables(one)
-        properties: Plain = {}
-        for key, form in whole["properties"].items():
-            # A quantity may have its origin; a choice or a table has none.
-            is_quantity = "x-unit" in form or form.get("type") == "number" or "anyOf" in form
-            said = {word: {"type": "string"} for word in ("source", "assumed", "note")}
-            with_origin = {"anyOf": [form, table_schema({"value": form} | said, ["value"])]}
-            properties[key] = with_origin if is_quantity else form
-        alternatives.append(whole | {"properties": properties | {"copies": _COPIES}})
+        _allow_origins([whole])
+        alternatives.append(whole | {"properties": whole["properties"] | {"copies": _COPIES}})
+    _allow_origins(definitions["Friction"]["oneOf"])
     use = {"type": "string", "pattern": "^catalogue:.+$", "description": "Part of the catalogue; other keys override"}
     alternatives.append({"type": "object", "properties": {"use": use, "copies": _COPIES}, "required": ["use"]})
     schema["properties"]["components"] = {
@@ -129,6 +126,16 @@ def circuit_schema() -> Plain:
     for table in TABLES:
         schema["properties"][table] = {"type": "object", "description": f"Same as [{table}] of a drive file"}
     return schema
+
+
+def _allow_origins(tables: Iterable[Plain]) -> None:
+    """Extend the schemas of tables, so that each value except `kind` may have its origin."""
+    said = {word: {"type": "string"} for word in ("source", "assumed", "note")}
+    for table in tables:
+        for key, form in table["properties"].items():
+            if key != "kind":
+                with_origin = table_schema({"value": form} | said, ["value"])
+                table["properties"] = table["properties"] | {key: {"anyOf": [form, with_origin]}}
 
 
 def _with_tables(component: Plain) -> Plain:

@@ -114,6 +114,6 @@ def put_back(table: Plain, origins: Mapping[str, Value]) -> Plain:
         at: Any = table
         for key in path:
             at = at.get(key) if isinstance(at, dict) else None
-        if isinstance(at, dict) and last in at:
+        if isinstance(at, dict) and last in at and last != "kind":
             at[last] = {"value": at[last]} | value.origin
     return table

@@ -262,13 +262,7 @@ def line_numbers(text: str) -> dict[str, int]:
     return lines
 
 
-def _texts(
-    line: str,
-    name: str,
-    count: int,
-    number: int,
-    lines: dict[str, int],
-) -> tuple[str, int] | None:
+def _texts(line: str, name: str, count: int, number: int, lines: dict[str, int]) -> tuple[str, int] | None:
     """Store the line of each text in a list; return name and count if the list continues on the next line."""
     for found in _TEXTS.finditer(line):
         if found["end"]:

@@ -182,13 +182,7 @@ def written_as(given: object, slot: str, of: Callable[[Plain], Made], guide: str
     return None
 
 
-def read_file(
-    table: object,
-    slot: str,
-    key: str,
-    make: Callable[[str], Written | None],
-    path: Path,
-) -> None:
+def read_file(table: object, slot: str, key: str, make: Callable[[str], Written | None], path: Path) -> None:
     """Replace the name of a formula file by its formulas. The name is relative to the folder of `path`.
 
     Parameters

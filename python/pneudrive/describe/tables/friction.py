@@ -14,6 +14,7 @@ from pneudrive import _core, units
 from pneudrive.arrays import Plain
 from pneudrive.describe import marks
 from pneudrive.describe.base import Described, as_tables
+from pneudrive.describe.files import sourced
 from pneudrive.describe.formulas.law import FrictionLaw, law_of
 from pneudrive.describe.formulas.written import FILE_PREFIX
 from pneudrive.describe.marks import Quantity, StatedPressure, Stiffness, parameter_quantities, parameter_quantity
@@ -260,6 +261,12 @@ class Friction(Described):
     def assumed(self) -> tuple[tuple[str, str], ...]:
         """Assumed entries of a table without a law, as (key, value). Comparisons ignore them."""
         return ()
+
+    @property
+    def origins(self) -> dict[str, sourced.Value]:
+        """Origins of the assumed entries, by key in the drive file."""
+        assumed = ((f"friction.{key}", value) for key, value in self.assumed)
+        return {key: sourced.Value(key, value, None, "no law was named") for key, value in assumed}
 
     @property
     def note(self) -> str:

@@ -21,6 +21,7 @@ from pneudrive import _core as _core, units as units
 from pneudrive.arrays import Keyed as Keyed, NamedNumbers as NamedNumbers, Plain as Plain
 from pneudrive.describe import marks as marks
 from pneudrive.describe.base import Described as Described, as_tables as as_tables
+from pneudrive.describe.files import sourced as sourced
 from pneudrive.describe.formulas.law import FrictionLaw as FrictionLaw, law_of as law_of
 from pneudrive.describe.formulas.written import FILE_PREFIX as FILE_PREFIX
 from pneudrive.describe.marks import (
@@ -98,6 +99,8 @@ class Friction(Described):
     def parameters(self) -> Mapping[str, float]: ...
     @cached_property
     def assumed(self) -> tuple[tuple[str, str], ...]: ...
+    @property
+    def origins(self) -> dict[str, sourced.Value]: ...
     @property
     def note(self) -> str: ...
     def __getattr__(self, name: str) -> units.UnitFloat | float: ...

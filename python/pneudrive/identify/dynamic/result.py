@@ -158,7 +158,7 @@ class DriveFit(Fit, kind="drive"):
         return super()._first() | {"fits": self.fits}
 
     def _last(self) -> Plain:
-        return {"drive": self.start.to_dict()}
+        return {"drive": self.start.with_origins()}
 
     @classmethod
     def _fields(cls, file: FitFile) -> Plain:

@@ -182,7 +182,8 @@ def with_part(text: str, table: str, part: str) -> Plain:
         owner = "" if one.key.startswith("friction.") and not is_circuit else f"{table}."
         pairs = value.items() if isinstance(value, dict) else (("", value),)
         for end, each in pairs:
-            text = edited(text, f"{owner}{one.key}.{end}".rstrip("."), each)
+            key = f"{owner}{one.key}.{end}".rstrip(".")
+            text = edited(text, key, each if one.key == "kind" else {"value": each} | one.origin)
     return {"text": text}
 
 
@@ -191,8 +192,8 @@ def _has_keys(entry: Any) -> bool:  # noqa: ANN401 - of tomlkit
     return hasattr(entry, "keys") and ("value" not in entry or hasattr(entry["value"], "keys"))
 
 
-def edited(text: str, key: str, value: str | float) -> str:
-    """Return a TOML text with one value changed. Comments and order are kept.
+def edited(text: str, key: str, value: str | float | Plain) -> str:
+    """Return a TOML text with one value changed. The value may have its origin. Comments and order are kept.
 
     Raises
     ------
@@ -218,12 +219,14 @@ def edited(text: str, key: str, value: str | float) -> str:
                 at[name] = tomlkit.inline_table() if isinstance(at, InlineTable) else tomlkit.table()
         else:
             break
-        at = at[name]
+        above, at = at, at[name]
         if (file := str(at)).startswith(FILE_PREFIX):
             file = file.removeprefix(FILE_PREFIX).strip()
             raise CommandError(f"{key} is set in {file}", remedy="Change it in that file.")
         if hasattr(at, "keys") and hasattr(at.get("value"), "keys"):
-            at = at["value"]  # a table with one origin: { value = { a = ..., b = ... }, assumed = ... }
+            # { value = { a = ..., b = ... }, assumed = ... }: the origin is no longer that of every value
+            above[name] = at["value"]
+            at = above[name]
         if not hasattr(at, "keys"):
             raise CommandError(f"{key}: {name} is not a table of values in this file", remedy="Change it in the text.")
     if last == "kind":
@@ -231,10 +234,7 @@ def edited(text: str, key: str, value: str | float) -> str:
     old = at.get(last)
     if isinstance(old, list):
         raise CommandError(f"{key} is a table of points", remedy="Change it in the text.")
-    if hasattr(old, "keys") and "value" in old:  # a value with its origin, which is no longer valid
-        old["value"] = value
-    else:
-        at[last] = value
+    at[last] = tomlkit.value(toml.value_text(value))  # without the origin of the old value
     return tomlkit.dumps(document)
 
 
