@@ -51,12 +51,13 @@ def test_peak_of_noisy_samples_is_not_their_largest(increment_n, noise_n):
     away, naive = [], []
     for _ in range(60):
         noisy = rise(time, increment_n) + noise_n * rng.standard_normal(time.size)
-        peak = find_breakaway(time, 1e-3 * time, noisy, 30.0)
-        away.append((peak.friction_n - true) / peak.stderr_n)
+        peak = find_breakaway(time, 1e-3 * time, noisy, 30.0)[0]
+        away.append((peak["breakaway_n"] - true) / peak["breakaway_stderr_n"])
         naive.append(noisy.max() - true)
     assert np.mean(naive) > 1.5 * noise_n  # what has to be avoided
-    scaled = find_breakaway(time, 1e-3 * time, 8.0 * noisy, 240.0)  # forces in another unit
-    assert (scaled.friction_n, scaled.stderr_n) == pytest.approx((8.0 * peak.friction_n, 8.0 * peak.stderr_n))
+    scaled = find_breakaway(time, 1e-3 * time, 8.0 * noisy, 240.0)[0]  # forces in another unit
+    height = ["breakaway_n", "breakaway_stderr_n"]
+    assert [scaled[name] for name in height] == pytest.approx([8.0 * peak[name] for name in height])
     assert abs(np.mean(away)) < 0.6
     assert np.mean(np.abs(away) < 2.0) > 0.75
 
@@ -70,9 +71,9 @@ def test_a_sharp_corner_is_neither_cut_nor_surer_than_it_is(noise_n, stiffness, 
         way = 1e-3 * (time - rng.uniform(0.0, 2e-4))
         past = np.maximum(way - 7.0 / stiffness, 0.0)
         sharp = np.minimum(25.0 + stiffness * way, 30.0 + 2.0 * np.exp(-past / 1e-4))
-        peak = find_breakaway(time, 1e-3 * time, sharp + noise_n * rng.standard_normal(time.size), 30.0)
-        away.append(peak.friction_n - 32.0)
-        doubt.append(peak.stderr_n)
+        peak = find_breakaway(time, 1e-3 * time, sharp + noise_n * rng.standard_normal(time.size), 30.0)[0]
+        away.append(peak["breakaway_n"] - 32.0)
+        doubt.append(peak["breakaway_stderr_n"])
     assert abs(np.mean(away)) < 0.008  # 0.025 when smoothed, 0.014 at the place of a wide parabola
     assert np.mean(np.abs(away) < 1.96 * np.array(doubt)) >= 0.85
     assert np.median(doubt) < most
@@ -109,11 +110,11 @@ def test_what_the_lag_of_the_sensor_takes_off_a_peak_is_in_its_doubt(bandwidth_h
     hits, added = {None: [], bandwidth_hz: []}, []
     for _ in range(10):
         samples = shown + 0.02 * rng.standard_normal(time.size)
-        peaks = {hz: find_breakaway(time, 1e-3 * time, samples, 30.0, None, hz) for hz in hits}
-        assert peaks[None].friction_n == peaks[bandwidth_hz].friction_n
+        peaks = {hz: find_breakaway(time, 1e-3 * time, samples, 30.0, None, hz)[0] for hz in hits}
+        assert peaks[None]["breakaway_n"] == peaks[bandwidth_hz]["breakaway_n"]
         for hz, peak in peaks.items():
-            hits[hz].append(abs(peak.friction_n - 32.0) < 2.0 * peak.stderr_n)
-        added.append(np.sqrt(peaks[bandwidth_hz].stderr_n ** 2 - peaks[None].stderr_n ** 2))
+            hits[hz].append(abs(peak["breakaway_n"] - 32.0) < 2.0 * peak["breakaway_stderr_n"])
+        added.append(np.sqrt(np.subtract(*(peaks[hz]["breakaway_stderr_n"] ** 2 for hz in (bandwidth_hz, None)))))
     assert np.mean(hits[None]) <= 0.5 or bandwidth_hz > 200.0  # a short lag is within what the noise leaves open
     assert np.mean(hits[bandwidth_hz]) >= 0.8
     assert 0.5 * (32.0 - shown.max()) < np.mean(added) < 1.3 * (32.0 - shown.max())

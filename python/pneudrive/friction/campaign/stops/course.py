@@ -201,10 +201,8 @@ class UninterruptedStroke:
     noise_n: float
 
 
-def strokes_of(
-    file: CycleFile, recording: Recording, step: Ints, *, leave: int | None = None
-) -> list[UninterruptedStroke]:
-    """Return the strokes of a cycle at its planned speed.
+def strokes_of(file: CycleFile, recording: Recording, step: Ints) -> list[UninterruptedStroke]:
+    """Return the strokes of a cycle at its planned speed. The moves before and after a stop are excluded.
 
     Parameters
     ----------
@@ -212,14 +210,13 @@ def strokes_of(
     recording : Recording
         Samples of the cycle.
     step : ndarray of int, shape (n,)
-    leave : int or None
-        Index of the hold of a stop. The moves before and after the hold are excluded.
     """
-    planned, out = file.head.cycle.speed_m_s, []
+    cycle, out = file.head.cycle, []
+    planned, hold = cycle.speed_m_s, stop_step(cycle) if cycle.kind == "stop" and cycle.stop_s != 0.0 else None
     balance = recording.balance_n()
     edges = np.flatnonzero(np.diff(np.r_[step[:1] - 1, step])).tolist()
     for begin, end in pairwise([*edges, step.size]):
-        if (leave is not None and abs(int(step[begin]) - leave) <= 1) or end - begin < 4 * FEWEST:
+        if (hold is not None and abs(int(step[begin]) - hold) <= 1) or end - begin < 4 * FEWEST:
             continue
         part, velocity = steady_part(recording, slice(begin, end))
         other = planned is not None and abs(abs(velocity) - planned) > SAME_SPEED * planned
@@ -311,8 +308,15 @@ def running_level(
     approach = _approach(recording, phases, speed)
     end = float(recording.position_m[steady.stop - 1])
     low, high = sorted((float(recording.position_m[approach.start]) if approach else at, end))
-    alike = (phases.direction, speed, low, high, condition)
-    references = _references(own, *alike) or _references(others, *alike)
+
+    def is_alike(s: UninterruptedStroke) -> bool:
+        """Return whether a stroke has this direction, condition and speed, and covers the travel around the stop."""
+        covered = min(s.position_m[-1], high) - max(s.position_m[0], low) >= COVERED * (high - low)
+        same = s.direction == phases.direction and s.condition == condition
+        return same and covered and abs(s.speed_m_s - speed) <= SAME_SPEED * speed
+
+    references = [s for s in own if is_alike(s)] or [s for s in others if is_alike(s)]
+    references = references[-MOST_REFERENCES:]
     reference_m, reference_n, noise = np.zeros(0), np.zeros(0), 0.0
     if references:
         # Mean of the strokes over their common travel, smoothed over three points, and its noise.
@@ -352,24 +356,6 @@ def _approach(recording: Recording, phases: Phases, speed: float) -> slice | Non
         return None
     first = steady.start + int(np.argmax(_travelled(recording.position_m[steady]) >= 1.0 - LAST_SHARE))
     return slice(first, steady.stop) if steady.stop - first >= 2 * FEWEST else None
-
-
-def _references(
-    strokes: Sequence[UninterruptedStroke],
-    direction: int,
-    speed: float,
-    low: float,
-    high: float,
-    condition: Condition,
-) -> list[UninterruptedStroke]:
-    """Return the strokes in this direction, at this speed and condition, that cover the travel from `low` to `high`."""
-    out = []
-    for s in strokes:
-        alike = s.direction == direction and s.condition == condition
-        covered = min(s.position_m[-1], high) - max(s.position_m[0], low)
-        if alike and abs(s.speed_m_s - speed) <= SAME_SPEED * speed and covered >= COVERED * (high - low):
-            out.append(s)
-    return out[-MOST_REFERENCES:]
 
 
 BACK = 0.05  # of the excess at the peak

@@ -31,7 +31,7 @@ from dataclasses import dataclass
 import numpy as np
 import polars as pl
 
-from pneudrive.arrays import Array, ArrayPair, Bools, Pair, Row, evenly
+from pneudrive.arrays import Array, ArrayPair, Bools, Pair, Row, attributes_of, evenly
 from pneudrive.batching import share_out
 from pneudrive.campaign.storage.folder import Campaign, CycleFile, recording_of, steps_of
 from pneudrive.estimate.estimates import robust_deviation
@@ -41,7 +41,7 @@ from pneudrive.friction.campaign.stops import course
 from pneudrive.friction.friction_map import TABLES, Condition, Skipped
 from pneudrive.friction.stick_slip import rise
 from pneudrive.friction.strokes import moving_average
-from pneudrive.rig.interface import Identity, Move, Samples
+from pneudrive.rig.interface import Identity, Samples
 from pneudrive.signals.motion import noise_level, straight_line
 from pneudrive.signals.recording import Recording
 
@@ -79,33 +79,50 @@ def _read(
     cycle, condition = file.head.cycle, condition_of(file.head)
     phases = course.find_phases(cycle, recording.time_s, recording.position_m, step)
     friction = phases.direction * recording.balance_n()
-    own = course.strokes_of(file, recording, step, leave=course.stop_step(cycle)) if phases.by_steps else []
+    own = course.strokes_of(file, recording, step) if phases.by_steps else []
     running = course.running_level(recording, friction, phases, own, others, condition)
-    steady, velocity = course.steady_part(recording, phases.restart)
     part = phases.restart
-    travel = phases.direction * (recording.position_m[part] - recording.position_m[part.start])
-    time, travel, after = recording.time_s[part], np.maximum.accumulate(travel), friction[part]
+    steady, velocity = course.steady_part(recording, part)
+    travel = np.maximum.accumulate(phases.direction * (recording.position_m[part] - recording.position_m[part.start]))
+    after = friction[part]
     level = running.level_n if np.isfinite(running.level_n) else np.median(after[after.size // 2 :])
-    peak = find_breakaway(time, travel, after, level, identity.stiffness_n_m, identity.bandwidth_hz.get("force_n"))
-    at_peak = phases.restart.start + peak.index
+    bandwidth = identity.bandwidth_hz.get("force_n")
+    peak, top, flags = find_breakaway(recording.time_s[part], travel, after, level, identity.stiffness_n_m, bandwidth)
+    at_peak = part.start + top
     shift = running.shape(recording.position_m[[at_peak]])[0]
-    increment, stderr = peak.friction_n - running.level_n - shift, float(np.hypot(peak.stderr_n, running.stderr_n))
+    increment = peak["breakaway_n"] - running.level_n - shift
+    stderr = float(np.hypot(peak["breakaway_stderr_n"], running.stderr_n))
     held = phases.rest
     relaxation = {} if cycle.released else course.relax(recording.time_s[held] - phases.rest_s, friction[held])
-    inertia = _inertia(recording, peak, cycle.speed_m_s)
-    size, moved = max(abs(increment), 3.0 * stderr), _pressure_moves_n(recording, phases, at_peak)
+    inertia = _inertia(recording, travel[top], peak, cycle.speed_m_s)
+    # Samples at the sensor's limit were left out on reading: some are missing around the peak.
+    begin, end = phases.restart_s, phases.restart_s + AROUND_PEAK * peak["loading_s"]
+    here, kept = (((t >= begin) & (t <= end)).sum() for t in (samples.time_s, recording.time_s))
     # A force of the air measured in the chambers is corrected. It spoils a result that is not larger.
     most = 1.0 if identity.pressure_measured_at == "chamber" else SPOILS
-    spoiled = {"pressure_transient": moved > most * size, "inertia": inertia > SPOILS * size}
-    flags = [*_flags(file, recording, phases, peak, running, samples), *(flag for flag in spoiled if spoiled[flag])]
+    size = max(abs(increment), 3.0 * stderr)
+    seen = {
+        "no_running": running.basis == "none",
+        "negative_friction": running.level_n < 0,
+        "stuck": np.ptp(recording.force_n[part]) == 0,
+        "saturated": recording.flags.get("saturated", 0) and here - kept > 2,
+        "slow_samples": peak["sample_rate_hz"] < LEAST_RATE_HZ * 0.9,
+        "duration": cycle.stop_s is not None and abs(phases.dwell_s - cycle.stop_s) > SAME_DURATION * cycle.stop_s,
+        "long_loading": peak["loading_s"] > SPOILS * phases.dwell_s,
+        "reversed": phases.reversed,
+        "by_motion": not phases.by_steps,
+        "pressure_transient": _pressure_moves_n(recording, part, at_peak) > most * size,
+        "inertia": inertia > SPOILS * size,
+    }
+    flags += [flag for flag, is_so in seen.items() if is_so]
     bins = course.bin_excess(recording, friction, slice(at_peak, steady.stop), phases.direction, running)
     return {
         **vars(condition),
         "index": file.head.index,
-        **{name: getattr(cycle, name) for name in ("key", "block", "repeat")},
+        **attributes_of(cycle, "key", "block", "repeat"),
         "direction": phases.direction,
         "speed_m_s": float(cycle.speed_m_s or 0.0) or abs(velocity),
-        "position_m": float(recording.position_m[phases.restart.start]),
+        "position_m": float(recording.position_m[part.start]),
         "began_s": file.head.began_s,
         "stop_s": float(cycle.stop_s) if cycle.stop_s is not None else phases.dwell_s,
         "dwell_s": phases.dwell_s,
@@ -113,13 +130,9 @@ def _read(
         "running_n": running.level_n + shift,
         "running_stderr_n": running.stderr_n,
         "basis": running.basis,
-        "breakaway_n": peak.friction_n,
-        "breakaway_stderr_n": peak.stderr_n,
+        **peak,
         "increment_n": increment,
         "increment_stderr_n": stderr,
-        "loading_rate_n_s": peak.loading_rate_n_s,
-        "loading_s": peak.time_s,
-        "sample_rate_hz": peak.rate_hz,
         "inertia_n": inertia,
         **TABLES["stop"],
         **relaxation,
@@ -130,49 +143,23 @@ def _read(
     }
 
 
-def _flags(
-    file: CycleFile,
-    recording: Recording,
-    phases: course.Phases,
-    peak: BreakawayPeak,
-    running: course.Running,
-    samples: Samples,
-) -> list[str]:
-    # Samples at the sensor's limit were left out on reading: some are missing around the peak.
-    begin, end = phases.restart_s, phases.restart_s + AROUND_PEAK * peak.time_s
-    here, kept = (((t >= begin) & (t <= end)).sum() for t in (samples.time_s, recording.time_s))
-    planned = file.head.cycle.stop_s
-    found = {
-        "no_running": running.basis == "none",
-        "negative_friction": running.level_n < 0,
-        "stuck": np.ptp(recording.force_n[phases.restart]) == 0,
-        "saturated": recording.flags.get("saturated", 0) and here - kept > 2,
-        "slow_samples": peak.rate_hz < LEAST_RATE_HZ * 0.9,
-        "duration": planned is not None and abs(phases.dwell_s - planned) > SAME_DURATION * planned,
-        "long_loading": peak.time_s > SPOILS * phases.dwell_s,
-        "reversed": phases.reversed,
-        "by_motion": not phases.by_steps,
-    }
-    return [*peak.flags, *(flag for flag, holds in found.items() if holds)]
-
-
-def _pressure_moves_n(recording: Recording, phases: course.Phases, at_peak: int) -> float:
+def _pressure_moves_n(recording: Recording, restart: slice, at_peak: int) -> float:
     """Return the change in air force from before the restart to the peak, in N, beyond noise."""
     moved = 0.0
     for side in ("a", "b"):
         channel = getattr(recording, f"pressure_{side}_pa")
-        places = max(phases.restart.start - 3, 0), at_peak
+        places = max(restart.start - 3, 0), at_peak
         ends = [channel[max(i - 20, 0) : i + 20].mean() for i in places]
         noise = noise_level(channel, quantisation=False) / np.sqrt(20.0)
         moved += max(abs(ends[1] - ends[0]) - 3.0 * noise, 0.0) * getattr(recording, f"area_{side}_m2")
     return moved
 
 
-def _inertia(recording: Recording, peak: BreakawayPeak, speed_m_s: float | None) -> float:
+def _inertia(recording: Recording, travel_m: float, peak: Row, speed_m_s: float | None) -> float:
     """Return the force overshoot, in N, of a mass that breaks loose on the rig's spring at the speed of the axis."""
-    speed = 2.0 * peak.travel_m / max(peak.time_s, 1e-12)  # at constant acceleration; less in a longer move
+    speed = 2.0 * travel_m / max(peak["loading_s"], 1e-12)  # at constant acceleration; less in a longer move
     speed = min(speed, speed_m_s) if speed_m_s is not None else speed
-    stiffness = recording.stiffness_n_m or abs(np.nan_to_num(peak.loading_rate_n_s)) / max(speed, 1e-12)
+    stiffness = recording.stiffness_n_m or abs(np.nan_to_num(peak["loading_rate_n_s"])) / max(speed, 1e-12)
     return speed * np.sqrt(max(stiffness, 0.0) * recording.mass_beyond_sensor_kg)
 
 
@@ -230,21 +217,13 @@ def find_stops(
 
 
 def _comparable(files: Sequence[CycleFile], stops: Sequence[CycleFile]) -> list[CycleFile]:
-    """Return cycles without a stop, at the condition and speed class of stops that lack an uninterrupted stroke."""
+    """Return cycles without a stop, at the condition and speed class of a stop."""
 
     def place(file: CycleFile) -> tuple[Condition, float]:
         speed = file.cycle.speed_m_s
         return condition_of(file.head), round(np.log(speed) / course.SAME_SPEED) if speed else np.nan
 
-    wanted = set()
-    for file in stops:
-        # A stroke is uninterrupted if it has the restart speed and is not next to the stop.
-        hold, cycle = course.stop_step(file.cycle), file.cycle
-        moves = [
-            i for i, step in enumerate(cycle.steps) if isinstance(step, Move) and step.speed_m_s == cycle.speed_m_s
-        ]
-        if hold is None or not any(abs(i - hold) > 1 for i in moves):
-            wanted.add(place(file))
+    wanted = {place(file) for file in stops}
     found: dict[tuple, list[CycleFile]] = {}
     for file in files:
         cycle = file.cycle
@@ -406,34 +385,6 @@ SPAN_AT_CHANGE = 60  # samples of the lower rate that are then used on each side
 QUICK = 5  # samples of the mean for the search of a peak's place
 
 
-@dataclass(frozen=True)
-class BreakawayPeak:
-    """Breakaway peak after a restart.
-
-    Attributes
-    ----------
-    friction_n, stderr_n : float
-    time_s, travel_m : float
-        Time and travel since the restart.
-    index : int
-        Nearest sample.
-    rate_hz : float
-        Sampling rate around the peak.
-    loading_rate_n_s : float
-    flags : tuple of str
-        undersampled, no_peak.
-    """
-
-    friction_n: float
-    stderr_n: float
-    time_s: float
-    travel_m: float
-    index: int
-    rate_hz: float
-    loading_rate_n_s: float
-    flags: tuple[str, ...]
-
-
 def find_breakaway(
     time_s: Array,
     travel_m: Array,
@@ -441,7 +392,7 @@ def find_breakaway(
     running_n: float,
     stiffness_n_m: float | None = None,
     bandwidth_hz: float | None = None,
-) -> BreakawayPeak:
+) -> tuple[Row, int, list[str]]:
     """Find the first peak after a restart.
 
     Parameters
@@ -454,6 +405,16 @@ def find_breakaway(
         Stiffness of the rig, if known.
     bandwidth_hz : float, optional
         Bandwidth of the force sensor, if known. The standard error then includes the loss of height by its lag.
+
+    Returns
+    -------
+    dict
+        Columns of the stop: the height of the peak, its standard error, its time since the restart, the rate of the
+        rise before it, and the sampling rate around it.
+    int
+        Nearest sample.
+    list of str
+        Flags: undersampled, no_peak.
     """
     noise = Noise.of(friction_n)
     end, peaked = _search_end(travel_m, friction_n, running_n, noise, stiffness_n_m)
@@ -484,16 +445,14 @@ def find_breakaway(
         flags.append("undersampled")
     if not peaked and index >= end - 2:
         flags.append("no_peak")
-    return BreakawayPeak(
-        friction_n=value,
-        stderr_n=stderr,
-        time_s=at - float(time_s[0]),
-        travel_m=float(travel_m[index]),
-        index=index,
-        rate_hz=float(1.0 / np.median(steps)) if steps.size else np.nan,
-        loading_rate_n_s=(friction_n[high] - friction_n[low]) / span if span > 0 else np.nan,
-        flags=tuple(flags),
-    )
+    columns = {
+        "breakaway_n": value,
+        "breakaway_stderr_n": stderr,
+        "loading_rate_n_s": (friction_n[high] - friction_n[low]) / span if span > 0 else np.nan,
+        "loading_s": at - float(time_s[0]),
+        "sample_rate_hz": float(1.0 / np.median(steps)) if steps.size else np.nan,
+    }
+    return columns, index, flags
 
 
 @dataclass(frozen=True)
