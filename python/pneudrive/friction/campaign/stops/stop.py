@@ -81,10 +81,44 @@ def _read(
     friction = phases.direction * recording.balance_n()
     own = course.strokes_of(file, recording, step) if phases.by_steps else []
     running = course.running_level(recording, friction, phases, own, others, condition)
-    part = phases.restart
-    steady, velocity = course.steady_part(recording, part)
+    steady, velocity = course.steady_part(recording, phases.restart)
+    peak, top = _peak(file, samples, identity, recording, phases, running)
+    held = phases.rest
+    relaxation = {} if cycle.released else course.relax(recording.time_s[held] - phases.rest_s, friction[held])
+    bins = course.bin_excess(recording, friction, slice(top, steady.stop), phases.direction, running)
+    return {
+        **vars(condition),
+        "index": file.head.index,
+        **attributes_of(cycle, "key", "block", "repeat"),
+        "direction": phases.direction,
+        "speed_m_s": float(cycle.speed_m_s or 0.0) or abs(velocity),
+        "position_m": float(recording.position_m[phases.restart.start]),
+        "began_s": file.head.began_s,
+        "stop_s": float(cycle.stop_s) if cycle.stop_s is not None else phases.dwell_s,
+        "dwell_s": phases.dwell_s,
+        "released": cycle.released,
+        "running_stderr_n": running.stderr_n,
+        "basis": running.basis,
+        **peak,
+        **TABLES["stop"],
+        **relaxation,
+        **({} if bins is None else course.recover(bins[0], running.stderr_n, bins[1])),
+        **_trace(recording, friction, phases),
+    }
+
+
+def _peak(
+    file: CycleFile,
+    samples: Samples,
+    identity: Identity,
+    recording: Recording,
+    phases: course.Phases,
+    running: course.Running,
+) -> tuple[Row, int]:
+    """Return the columns of a stop that follow from its breakaway peak, with all flags; and the sample of the peak."""
+    part, cycle = phases.restart, file.head.cycle
     travel = np.maximum.accumulate(phases.direction * (recording.position_m[part] - recording.position_m[part.start]))
-    after = friction[part]
+    after = phases.direction * recording.balance_n()[part]
     level = running.level_n if np.isfinite(running.level_n) else np.median(after[after.size // 2 :])
     bandwidth = identity.bandwidth_hz.get("force_n")
     peak, top, flags = find_breakaway(recording.time_s[part], travel, after, level, identity.stiffness_n_m, bandwidth)
@@ -92,8 +126,6 @@ def _read(
     shift = running.shape(recording.position_m[[at_peak]])[0]
     increment = peak["breakaway_n"] - running.level_n - shift
     stderr = float(np.hypot(peak["breakaway_stderr_n"], running.stderr_n))
-    held = phases.rest
-    relaxation = {} if cycle.released else course.relax(recording.time_s[held] - phases.rest_s, friction[held])
     inertia = _inertia(recording, travel[top], peak, cycle.speed_m_s)
     # Samples at the sensor's limit were left out on reading: some are missing around the peak.
     begin, end = phases.restart_s, phases.restart_s + AROUND_PEAK * peak["loading_s"]
@@ -115,32 +147,9 @@ def _read(
         "inertia": inertia > SPOILS * size,
     }
     flags += [flag for flag, is_so in seen.items() if is_so]
-    bins = course.bin_excess(recording, friction, slice(at_peak, steady.stop), phases.direction, running)
-    return {
-        **vars(condition),
-        "index": file.head.index,
-        **attributes_of(cycle, "key", "block", "repeat"),
-        "direction": phases.direction,
-        "speed_m_s": float(cycle.speed_m_s or 0.0) or abs(velocity),
-        "position_m": float(recording.position_m[part.start]),
-        "began_s": file.head.began_s,
-        "stop_s": float(cycle.stop_s) if cycle.stop_s is not None else phases.dwell_s,
-        "dwell_s": phases.dwell_s,
-        "released": cycle.released,
-        "running_n": running.level_n + shift,
-        "running_stderr_n": running.stderr_n,
-        "basis": running.basis,
-        **peak,
-        "increment_n": increment,
-        "increment_stderr_n": stderr,
-        "inertia_n": inertia,
-        **TABLES["stop"],
-        **relaxation,
-        **({} if bins is None else course.recover(bins[0], running.stderr_n, bins[1])),
-        "usable": bool(np.isfinite(increment)) and not SPOILING.intersection(flags),
-        "flags": flags,
-        **_trace(recording, friction, phases),
-    }
+    usable = bool(np.isfinite(increment)) and not SPOILING.intersection(flags)
+    found = {"running_n": running.level_n + shift, "increment_n": increment, "increment_stderr_n": stderr}
+    return peak | found | {"inertia_n": inertia, "usable": usable, "flags": flags}, at_peak
 
 
 def _pressure_moves_n(recording: Recording, restart: slice, at_peak: int) -> float:
