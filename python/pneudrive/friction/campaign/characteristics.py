@@ -32,7 +32,7 @@ from pneudrive.progress import Flag, Progress, Watch
 from pneudrive.signals.load import recordings_in
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
+    from collections.abc import Iterator, Sequence
 
     import xarray as xr
 
@@ -253,12 +253,7 @@ def _cycles(reading: CampaignData, points: CurvePoints | None) -> pl.DataFrame:
 MOST_RELAXED = 0.99
 
 Part = tuple[str, dict[str, object], dict[str, Estimate]]
-"""Key in [friction], its table, and the estimates in the table by name."""
-
-
-def _written(estimates: Mapping[str, Estimate]) -> dict[str, object]:
-    """Return the values in the form of a drive file: numbers, or texts with a unit."""
-    return {n: round(e.value, 6) if e.unit == "1" else f"{e.value:.6g} {e.unit}" for n, e in estimates.items()}
+"""Key in [friction], entries of its table that are not estimates, and its estimates by name."""
 
 
 # --- direction and position ----------------------------------------------------------------------------------------
@@ -270,10 +265,10 @@ def _direction(
     """Yield the factors on dry friction in +x and -x: 1 plus or minus half the relative difference of directions."""
     own, shares = [one for one in found.asymmetry if one.condition.levels == levels], []
     both = {curve.condition: curve for curve in found.curves if curve.direction == BOTH}
-    for one in (one for one in own if one.basis == "tare"):
-        curve, speed = both[one.condition], one.speed_m_s
-        friction = np.interp(np.log(speed), np.log(curve.speed_m_s), curve.friction_n)
-        if (level := float(np.mean(friction - viscous_n_s_m * speed))) > 0.0:
+    for one in own:
+        curve = both[one.condition]
+        level = float(np.mean((curve.friction_n - viscous_n_s_m * curve.speed_m_s)[curve.measured]))
+        if one.basis == "tare" and level > 0.0:
             shares.append(one.mean.scaled(1.0 / level, "1"))
     if own and not shares:
         notes.append(sentence("modifier.no_tare"))
@@ -284,13 +279,10 @@ def _direction(
     value = float(weights @ [share.value for share in shares] / weights.sum())
     freedom = max(share.degrees_of_freedom for share in shares)
     mean = Estimate.of(value, float(weights.sum() ** -0.5), freedom, "1")
-    if not mean.differs:
-        return
-    factors = {
-        "positive": Estimate(1.0 + mean.value, 1.0 + mean.low, 1.0 + mean.high, mean.stderr, "1"),
-        "negative": Estimate(1.0 - mean.value, 1.0 - mean.high, 1.0 - mean.low, mean.stderr, "1"),
-    }
-    yield "direction", _written(factors), factors
+    if mean.differs:
+        positive = Estimate(1.0 + mean.value, 1.0 + mean.low, 1.0 + mean.high, mean.stderr, "1")
+        negative = Estimate(1.0 - mean.value, 1.0 - mean.high, 1.0 - mean.low, mean.stderr, "1")
+        yield "direction", {}, {"positive": positive, "negative": negative}
 
 
 def _position(found: CampaignCharacteristics, viscous_n_s_m: float, levels: tuple[str, str, str]) -> Iterator[Part]:
@@ -303,29 +295,25 @@ def _position(found: CampaignCharacteristics, viscous_n_s_m: float, levels: tupl
     viscous = [viscous_n_s_m * curve.speed_m_s / curve.friction_n for curve in curves]
     level = 1.0 - float(np.mean(np.concatenate(viscous)))  # share of the levels in the reference of the pattern
     away = pattern.position_m - (middle := float(pattern.position_m.mean()))
-    waves = [(w.wavelength_m, w.cosine.value, w.sine.value) for w in pattern.harmonics]
     shape = np.zeros(away.size)
-    for length, c, s in waves:
-        phase = 2.0 * np.pi * away / length
-        shape += c * np.cos(phase) + s * np.sin(phase)
+    for wave in pattern.harmonics:
+        phase = 2.0 * np.pi * away / wave.wavelength_m
+        shape += wave.cosine.value * np.cos(phase) + wave.sine.value * np.sin(phase)
     scale = 1.0 / (level - float(shape.mean()))  # the constant of the drive's factor is one
     # a trend is not the mean over speeds but that of the most informative cycles: their fraction is arbitrary
     spread = scale**2 * float(np.std(np.concatenate(viscous))) * abs(pattern.trend_per_m.value)
     slope = pattern.trend_per_m.scaled(scale).widened(spread)
-    if not waves and not slope.differs:
-        return
-    estimates = {"slope": slope} if slope.differs else {}
-    table = {"reference": f"{middle:.6g} m", **_written(estimates)}
-    if waves:
-        table["harmonics"] = [
-            {
-                "period": f"{length:.6g} m",
-                "amplitude": round(scale * float(np.hypot(c, s)), 6),
-                "phase": f"{-float(np.arctan2(s, c)):.6g} rad",
-            }
-            for length, c, s in waves
-        ]
-    yield "position", table, estimates
+    harmonics = [
+        {
+            "period": f"{wave.wavelength_m:.6g} m",
+            "amplitude": round(scale * wave.amplitude.value, 6),
+            "phase": f"{-float(np.arctan2(wave.sine.value, wave.cosine.value)):.6g} rad",
+        }
+        for wave in pattern.harmonics
+    ]
+    if harmonics or slope.differs:
+        table = {"reference": f"{middle:.6g} m"} | ({"harmonics": harmonics} if harmonics else {})
+        yield "position", table, {"slope": slope} if slope.differs else {}
 
 
 # --- stops ---------------------------------------------------------------------------------------------------------
@@ -347,17 +335,19 @@ def _contact_age(
 
 
 def _dwell(age: dwell_law.ContactAge, notes: list[str]) -> Iterator[Part]:
+    estimates, table = {"increment": age.increment, "time": age.time}, {"growth": age.form.growth}
     if age.distance is None:
         notes.append(sentence("modifier.no_distance"))
+        table["distance"] = f"{age.distance_m:.6g} m"
+    else:
+        estimates["distance"] = age.distance
     if age.together:
         notes.append(sentence("modifier.together"))
-    estimates = {"increment": age.increment, "time": age.time}
-    table = {"growth": age.form.growth, **_written(estimates), "distance": f"{age.distance_m:.6g} m"}
     if age.form.growth == "saturating":
         table["exponent"] = age.exponent
     if age.share_a_pa or age.share_b_pa:
         table["pressure"] = {"a": f"{age.share_a_pa:.6g} 1/Pa", "b": f"{age.share_b_pa:.6g} 1/Pa"}
-    yield "dwell", table, estimates | ({} if age.distance is None else {"distance": age.distance})
+    yield "dwell", table, estimates
 
 
 def _relaxation(stops: pl.DataFrame, notes: list[str]) -> Iterator[Part]:
@@ -375,14 +365,11 @@ def _relaxation(stops: pl.DataFrame, notes: list[str]) -> Iterator[Part]:
     shares = shares[(shares > 0.0) & (shares < MOST_RELAXED)]
     if shares.size < dwell_law.FEWEST_STOPS:
         return
-    share = mean_estimate(shares, "1")
     time = mean_estimate(np.log(of_one_time["relaxation_time_s"].to_numpy()), "1")
     middle, low, high = (float(np.exp(end)) for end in (time.value, time.low, time.high))
-    seconds = Estimate(middle, low, high, np.nan, "s")
     notes.append(sentence("modifier.bristles"))
-    estimates = {"share": share, "time": seconds}
-    table = _written(estimates) | {"distance": f"{dwell_law.ASSUMED_DISTANCE_M:.6g} m"}
-    yield "relaxation", table, estimates
+    table = {"distance": f"{dwell_law.ASSUMED_DISTANCE_M:.6g} m"}
+    yield "relaxation", table, {"share": mean_estimate(shares, "1"), "time": Estimate(middle, low, high, np.nan, "s")}
 
 
 def _temperature(found: CampaignCharacteristics, viscous_n_s_m: float) -> Iterator[Part]:
@@ -393,10 +380,8 @@ def _temperature(found: CampaignCharacteristics, viscous_n_s_m: float) -> Iterat
     sliding = found.cycles.filter(pl.all_horizontal(pl.col("friction_n", "temperature_k").is_finite()))
     level = float((sliding["friction_n"] - viscous_n_s_m * sliding["speed_m_s"]).to_numpy().mean())
     kelvin = float(sliding["temperature_k"].to_numpy().mean())
-    if level <= 0.0:
-        return
-    share = per_kelvin.scaled(1.0 / level, "1/K")
-    yield "temperature", {"reference": f"{kelvin:.6g} K", **_written({"levels": share})}, {"levels": share}
+    if level > 0.0:
+        yield "temperature", {"reference": f"{kelvin:.6g} K"}, {"levels": per_kelvin.scaled(1.0 / level, "1/K")}
 
 
 ALL = "all cycles"  # the group of a campaign without levels
@@ -456,7 +441,10 @@ def with_dependences(fit: FrictionFit, found: CampaignCharacteristics, part: xr.
     if per_decade is not None and per_decade.differs:
         notes.append(sentence("modifier.run_in", slope=per_decade.value))
     estimates = {f"friction.{key}.{name}": one for key, _, own in parts for name, one in own.items()}
-    tables = {key: table for key, table, _ in parts}
+    tables = {}  # in the form of a drive file: numbers, or texts with a unit
+    for key, table, own in parts:
+        written = {n: round(e.value, 6) if e.unit == "1" else f"{e.value:.6g} {e.unit}" for n, e in own.items()}
+        tables[key] = table | written
     slow, fast = found.ranges.speed_m_s
     sliding = {} if age is None else {"breakaway": age.sliding_n(slow), "coulomb": age.sliding_n(fast)}
     ends = {name: [one.value, one.low, one.high] for name, one in estimates.items()}
