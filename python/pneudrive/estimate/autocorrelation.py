@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-if TYPE_CHECKING:
-    from pneudrive.arrays import Array, Bools, Interval, Ints
-
+from pneudrive.arrays import Array, Bools, Interval, Ints
 
 #: Number of values above which the autocorrelation is computed from block means, with fewer lags.
 MOST_VALUES = 400

@@ -11,21 +11,16 @@ Intervals from few cycles are therefore wide enough [rue2009].
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.linalg import cho_solve, cholesky, solve_triangular
+from scipy.special import fdtrc, stdtrit
 
+from pneudrive.arrays import Array, ArrayPair, Columns, Interval
 from pneudrive.estimate.estimates import MOST_FREEDOM, NORMAL_95, Estimate, FTest, student
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-
-    from numpy.typing import NDArray
-
-    from pneudrive.arrays import Array, ArrayPair, Columns, Interval
-
 
 # --- Least squares of laws that are linear except for shape parameters: grid of shapes, and intervals by profile.
 #
@@ -46,6 +41,10 @@ class Scan:
         Whitened design matrix of each shape.
     values : ndarray, shape (n,)
         Whitened observations.
+    freedom : float
+        Degrees of freedom of the residuals. Infinite if no interval is needed.
+    least : float
+        Lower limit of the variance of the residuals.
 
     Attributes
     ----------
@@ -66,7 +65,9 @@ class Scan:
     ([2.0], [3.0])
     """
 
-    def __init__(self, shape: Array, designs: Array, values: Array) -> None:
+    def __init__(
+        self, shape: Array, designs: Array, values: Array, freedom: float = np.inf, least: float = 0.0
+    ) -> None:
         size = np.linalg.norm(designs, axis=1, keepdims=True)
         size[size == 0.0] = 1.0
         scaled = designs / size
@@ -74,7 +75,7 @@ class Scan:
         inverse = np.linalg.pinv(r, rcond=NEGLIGIBLE)
         found = (inverse @ (q.swapaxes(1, 2) @ values)[:, :, None])[:, :, 0]
         rest = values - np.einsum("gnp,gp->gn", scaled, found)
-        factor = size[:, 0, :]
+        factor, self.freedom, self.least = size[:, 0, :], freedom, least
         self.shape, self.cost, self.coefficient = shape, np.einsum("gn,gn->g", rest, rest), found / factor
         self.covariance = (inverse @ inverse.swapaxes(1, 2)) / (factor[:, :, None] * factor[:, None, :])
 
@@ -83,37 +84,34 @@ class Scan:
         """Index of the shape with the smallest cost."""
         return int(np.argmin(self.cost))
 
-    def scale(self, freedom: float, least: float = 0.0) -> float:
-        """Return the variance of the whitened residuals at the best shape, but not less than `least`."""
-        return max(float(self.cost[self.best]) / freedom, least)
+    @property
+    def scale(self) -> float:
+        """Variance of the whitened residuals at the best shape."""
+        return max(float(self.cost[self.best]) / self.freedom, self.least)
 
-    def rise(self, freedom: float, least: float = 0.0) -> float:
-        """Return the increase of the cost at the bounds of a 95 % interval of one quantity."""
-        return self.scale(freedom, least) * student(freedom) ** 2
+    @property
+    def limit(self) -> float:
+        """Cost at the bounds of a 95 % interval of one quantity."""
+        return self.cost[self.best] + self.scale * student(self.freedom) ** 2
 
-    def inside(self, rise: float) -> NDArray[np.intp]:
-        """Return the indices of the shapes whose cost exceeds the smallest one by at most `rise`."""
-        return np.flatnonzero(self.cost <= self.cost[self.best] + rise)
+    @property
+    def inside(self) -> NDArray[np.intp]:
+        """Indices of the shapes whose cost is within the limit."""
+        return np.flatnonzero(self.cost <= self.limit)
 
-    def interval(self, rows: Array, rise: float) -> Interval:
-        """Return the interval of a linear function of the coefficients in which the cost increases by at most `rise`.
-
-        Parameters
-        ----------
-        rows : ndarray, shape (g, p) or (p,)
-        rise : float
-        """
-        inside = self.inside(rise)
+    def interval(self, rows: Array) -> Interval:
+        """Return the 95 % interval of a linear function of the coefficients, `rows` of shape (g, p) or (p,)."""
+        inside = self.inside
         rows = np.broadcast_to(rows, self.coefficient.shape)[inside]
-        slack = np.maximum(self.cost[self.best] + rise - self.cost[inside], 0.0)
+        slack = np.maximum(self.limit - self.cost[inside], 0.0)
         value = np.einsum("gi,gi->g", rows, self.coefficient[inside])
         variance = np.einsum("gi,gij,gj->g", rows, self.covariance[inside], rows)
         reach = np.sqrt(slack) * np.sqrt(np.maximum(variance, 0.0))
         return float((value - reach).min()), float((value + reach).max())
 
-    def shape_interval(self, k: int, rise: float, sought: Interval) -> Interval:
-        """Return the interval of shape parameter `k`. A bound at an end of the range `sought` becomes 0 or inf."""
-        allowed = self.shape[self.inside(rise), k]
+    def shape_interval(self, k: int, sought: Interval) -> Interval:
+        """Return the 95 % interval of shape parameter `k`. A bound at an end of the range `sought` becomes 0 or inf."""
+        allowed = self.shape[self.inside, k]
         low, high = float(allowed.min()), float(allowed.max())
         return (
             0.0 if low <= sought[0] * (1.0 + 1e-9) else low,
@@ -121,12 +119,7 @@ class Scan:
         )
 
 
-def refined(
-    at: Callable[[Array], Scan],
-    coarse: Array,
-    count: int,
-    rise: Callable[[Scan], float],
-) -> Scan:
+def refined(at: Callable[[Array], Scan], coarse: Array, count: int) -> Scan:
     """Scan one shape parameter coarsely, then with `count` values in the range that the coarse scan allows.
 
     Parameters
@@ -136,11 +129,9 @@ def refined(
     coarse : ndarray
         First values, ascending, in logarithmic steps.
     count : int
-    rise : callable
-        Function from a scan to the allowed increase of the cost.
     """
     first = at(coarse)
-    allowed = np.searchsorted(coarse, first.shape[first.inside(rise(first)), 0])
+    allowed = np.searchsorted(coarse, first.shape[first.inside, 0])
     low = max(int(allowed.min()) - 1, 0)
     high = min(int(allowed.max()) + 1, coarse.size - 1)
     return at(np.geomspace(coarse[low], coarse[high], count))
@@ -165,8 +156,8 @@ class RandomEffect:
     Attributes
     ----------
     name : str
-    kernel : ndarray, shape (n, n) or (n,)
-        Covariance between the observations at standard deviation 1. A one-dimensional array is a diagonal.
+    kernel : ndarray, shape (n, n)
+        Covariance between the observations at standard deviation 1.
     scale : float
         Scale of the half-Cauchy prior of the standard deviation [gelman2006].
     power : float
@@ -250,23 +241,15 @@ class MixedModel:
             return self
         rows = np.arange(0, n, -(-n // MOST_FOR_SEARCH))
         x = self.x[rows]
-        both = np.ix_(rows, rows)
-        parts = (replace(c, kernel=c.kernel[rows if c.kernel.ndim == 1 else both]) for c in self.components)
+        parts = (replace(c, kernel=c.kernel[np.ix_(rows, rows)]) for c in self.components)
         return MixedModel(self.y[rows], x[:, independent(x)], self.noise[rows], tuple(parts))
 
     def covariance(self, sd: Array) -> Array:
         """Return the covariance (n, n) of the observations at these standard deviations."""
-        n = self.y.size
-        diagonal = self.noise.copy()
-        total = np.zeros((n, n))
+        total = np.diag(self.noise)
         for component, s in zip(self.components, sd, strict=True):
-            if component.kernel.ndim == 1:
-                diagonal += s**2 * component.kernel
-            else:
-                total += s**2 * component.kernel
-        total[np.diag_indices(n)] += diagonal
-        total[np.diag_indices(n)] += JITTER * max(float(np.mean(np.diag(total))), 1e-300)
-        return total
+            total = total + s**2 * component.kernel
+        return total + np.eye(len(total)) * (JITTER * max(float(np.mean(np.diag(total))), 1e-300))
 
 
 class _State:
@@ -319,8 +302,6 @@ class Predicted:
 
     def half_width(self) -> Array:
         """Half width of the 95 % interval."""
-        from scipy.special import stdtrit
-
         return stdtrit(self.freedom, 0.975) * np.sqrt(self.variance)
 
     def estimates(self, unit: str = "N") -> list[Estimate]:
@@ -363,15 +344,13 @@ class MixedFit:
         """
         names = [c.name for c in self.model.components]
         kernels, prior = kernels or {}, prior or {}
-        kernels = {name: kernel for name, kernel in kernels.items() if name in names}
         means, variances = [], []
         for state in self.states:
-            cross = np.zeros((x.shape[0], self.model.y.size))
-            own = np.zeros(x.shape[0])
-            for name, kernel in kernels.items():
-                s2 = state.sd[names.index(name)] ** 2
-                cross += s2 * kernel
-                own += s2 * prior[name]
+            cross, own = np.zeros((x.shape[0], self.model.y.size)), np.zeros(x.shape[0])
+            for name, s in zip(names, state.sd, strict=True):
+                if name in kernels:
+                    cross += s**2 * kernels[name]
+                    own += s**2 * prior[name]
             means.append(x @ state.beta + cross @ state.solved)
             half = solve_triangular(state.lower, cross.T, lower=True, check_finite=False)
             left = x - half.T @ state.half_x
@@ -413,8 +392,6 @@ class MixedFit:
 
         `extra` is a variance of the first function in addition to the random effects.
         """
-        from scipy.special import fdtrc
-
         q = rows.shape[0]
         mean = np.average([rows @ s.beta for s in self.states], axis=0, weights=self.weights)
         covariance = np.average([rows @ s.beta_covariance @ rows.T for s in self.states], axis=0, weights=self.weights)
@@ -523,14 +500,8 @@ def _cost(model: MixedModel, log_sd: Array) -> tuple[float, Array]:
     inverse = state.solve(np.eye(model.y.size))
     vx = inverse @ model.x
     p = inverse - vx @ state.beta_covariance @ vx.T
-    gradient = np.empty(sd.size)
-    for i, (component, s) in enumerate(zip(model.components, sd, strict=True)):
-        k = component.kernel
-        if k.ndim == 1:
-            trace, form = float(np.diag(p) @ k), float(state.solved**2 @ k)
-        else:
-            trace, form = float(np.sum(p * k)), float(state.solved @ k @ state.solved)
-        gradient[i] = s**2 * (trace - form)
+    kernels = [component.kernel for component in model.components]
+    gradient = sd**2 * np.array([np.sum(p * k) - state.solved @ k @ state.solved for k in kernels])
     share = (sd / model.scales) ** 2
     power = 1.0 + np.array([c.power for c in model.components])
     prior = float(np.sum(0.5 * (1.0 + power) * np.log1p(share) - power * log_sd))

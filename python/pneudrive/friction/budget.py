@@ -10,7 +10,7 @@ For a row of a recording (one speed level):
 For a row of a campaign (one cycle):
 
     stderr_n        type A   `chance_n` of its strokes, and scatter from cycle to cycle
-    u_systematic_n  type B   `SharedTerms`: gain, hysteresis, mean over position
+    u_systematic_n  type B   `campaign.curves.systematic`: gain, hysteresis, mean over position
                     type A   state of the campaign, and block or day
 
 The parts of gain, hysteresis and zero of a cycle come from the same `systematic_budget` (`stated_shares`). With zero
@@ -191,34 +191,6 @@ def chance_n(scatter_n: Array | float, noise_n: Array | float) -> Array:
     their pattern over position.
     """
     return np.fmax(scatter_n, noise_n)
-
-
-@dataclass(frozen=True, eq=False)
-class SharedTerms:
-    """Standard uncertainties in N, shape (m,), of errors that are common to all m points of a curve.
-
-    Attributes
-    ----------
-    gain_n, hysteresis_n : ndarray
-        Errors of the sensors: proportional to friction, and independent of friction.
-    position_n : ndarray
-        Friction over the part of the stroke that the mean does not cover.
-    state_n : ndarray
-        Deviation of friction from the mean state of the campaign. It applies to a single cycle, not to the mean curve.
-    zero_n, half_sum_n : ndarray
-        Zero of the force sensor, and half the sum of both directions without zero runs; only for one direction.
-    """
-
-    gain_n: Array
-    hysteresis_n: Array
-    position_n: Array
-    state_n: Array
-    zero_n: Array
-    half_sum_n: Array
-
-    def friction_n(self) -> Array:
-        """Return the uncertainty of half the difference of both directions, for the mean state of the campaign."""
-        return np.sqrt(self.gain_n**2 + self.hysteresis_n**2 + self.position_n**2)
 
 
 def stated_shares(

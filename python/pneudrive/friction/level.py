@@ -114,17 +114,12 @@ class Level(Shown):
 
         For a single direction, the balance, positive against the motion.
         """
-        means_n = {way: side.spread.mean_n for way, side in self.sides.items()}
-        if len(means_n) == 2:
-            return (means_n[1] - means_n[-1]) / 2
-        ((way, only_n),) = means_n.items()
-        return way * only_n
+        return sum(way * side.spread.mean_n for way, side in self.sides.items()) / len(self.sides)
 
     @property
     def offset_n(self) -> float:
         """Half the sum of the force balances in +x and -x, in N; NaN for a single direction."""
-        means_n = {way: side.spread.mean_n for way, side in self.sides.items()}
-        return (means_n[1] + means_n[-1]) / 2 if len(means_n) == 2 else np.nan
+        return sum(side.spread.mean_n for side in self.sides.values()) / 2 if len(self.sides) == 2 else np.nan
 
     @cached_property
     def stderr_n(self) -> float:

@@ -15,26 +15,21 @@ nominal area of the chamber. Columns of chamber b have b in place of a.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
 from types import SimpleNamespace
-from typing import TYPE_CHECKING
 
 import numpy as np
+import polars as pl
 
 from pneudrive.arrays import Array, Columns, Interval, NamedNumbers, Row, evenly
 from pneudrive.estimate.estimates import Estimate, changed, rms, student
 from pneudrive.friction.friction_map import TABLES
+from pneudrive.friction.level import Level
 from pneudrive.friction.sentences import sentence
 from pneudrive.numbers import with_u
 from pneudrive.repr_tables import Shown
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    import polars as pl
-
-    from pneudrive.friction.level import Level
 
 TOGETHER = 0.05  # pressures change together if the rest is below this share
 IMPLAUSIBLE_AREA = 0.25  # relative difference from nominal that no tolerance of a bore explains
@@ -100,8 +95,6 @@ def fit_closures(points: pl.DataFrame) -> list[ClosureFit]:
     pressures change together, only the net area of both is fitted; if their forces cancel within the sensors'
     uncertainty, no area can be determined.
     """
-    import polars as pl
-
     paired = points.filter(pl.col("offset_n").is_finite(), pl.any_horizontal(pl.col("area_a_m2", "area_b_m2") != 0.0))
     groups = paired.partition_by("seal", "area_a_m2", "area_b_m2", maintain_order=True)
     return [fit for group in groups if (fit := _closure(group)) is not None]

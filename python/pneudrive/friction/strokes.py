@@ -8,24 +8,19 @@ after settling of the stroke (`Settled`), or by the source paper's protocol (`So
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pneudrive.arrays import Array, Bools, Interval
+from pneudrive.friction import stick_slip
 from pneudrive.friction.bins import Grid, Profile, Spread, bin_means, known_mean, mean_profile, spread_of
 from pneudrive.friction.sentences import sentence
-from pneudrive.friction.stick_slip import evenly_spaced, find_reversal_peaks, measure_stick_slip, median, middle_of
+from pneudrive.friction.stick_slip import ReversalPeak, StickSlip, median
 from pneudrive.signals.motion import Stroke, find_strokes, local_slope, speed_levels, straight_line, thinned
+from pneudrive.signals.pressure_delay import PressureDelay
 from pneudrive.signals.recording import Recording, refuse_channels
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
-
-    from pneudrive.arrays import Array, Bools, Interval
-    from pneudrive.friction.stick_slip import ReversalPeak, StickSlip
-    from pneudrive.signals.pressure_delay import PressureDelay
-
 
 # Least share of the window's bins with settled samples for a stroke to count. Missing bins are filled from the profile.
 COVERED_SHARE = 0.25
@@ -90,14 +85,14 @@ class MeasuredStroke:
             "late_n": motion.late_s * ((gas_n[-1] - gas_n[0]) / seconds) if seconds > 0 else 0.0,
             "pressure_moves_n": moves,
         }
-        middle = middle_of(stroke, motion.position_m)
+        middle = stick_slip.middle_of(stroke, motion.position_m)
         if middle is None:
             return cls(stroke, means)
         samples = (motion.time_s[middle], motion.position_m[middle], recording.force_n[middle])
-        time_s, axis_m, force_n = evenly_spaced(*samples)
+        time_s, axis_m, force_n = stick_slip.evenly_spaced(*samples)
         stiffness = recording.stiffness_n_m
-        piston = measure_stick_slip(time_s, axis_m - force_n / stiffness) if stiffness else None
-        return cls(stroke, means, (measure_stick_slip(time_s, axis_m), piston))
+        piston = stick_slip.measure_stick_slip(time_s, axis_m - force_n / stiffness) if stiffness else None
+        return cls(stroke, means, (stick_slip.measure_stick_slip(time_s, axis_m), piston))
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,7 +123,7 @@ class Strokes:
         table = cls(grid, tuple(rows), balance)
         if len(table.directions) < 2:
             return table
-        peaks = find_reversal_peaks(motion.recording, strokes, motion.raw_balance_n, table.profile)
+        peaks = stick_slip.find_reversal_peaks(motion.recording, strokes, motion.raw_balance_n, table.profile)
         return replace(table, rows=tuple(replace(row, peak=peaks.get(row.stroke.index)) for row in rows))
 
     @classmethod

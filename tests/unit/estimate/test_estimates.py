@@ -181,7 +181,7 @@ LENGTHS = np.geomspace(0.05, 50.0, 60)
 
 
 def decays(x, y, noise):
-    return lambda lengths: Scan(lengths[:, None], np.exp(-x / lengths[:, None])[:, :, None] / noise, y / noise)
+    return lambda k: Scan(k[:, None], np.exp(-x / k[:, None])[:, :, None] / noise, y / noise, 38, 0.25)
 
 
 def test_shape_and_coefficient_of_a_decay_lie_in_their_intervals():
@@ -189,23 +189,23 @@ def test_shape_and_coefficient_of_a_decay_lie_in_their_intervals():
     x = np.linspace(0.0, 5.0, 40)
     for _ in range(60):
         at = decays(x, 4.0 * np.exp(-x / 1.5) + 0.1 * rng.standard_normal(x.size), 0.1)
-        found = refined(at, LENGTHS, 60, lambda one: one.rise(38))
-        low, high = found.shape_interval(0, found.rise(38), (LENGTHS[0], LENGTHS[-1]))
-        below, above = found.interval(np.array([1.0]), found.rise(38))
+        found = refined(at, LENGTHS, 60)
+        low, high = found.shape_interval(0, (LENGTHS[0], LENGTHS[-1]))
+        below, above = found.interval(np.array([1.0]))
         inside.append((low <= 1.5 <= high, below <= 4.0 <= above))
     assert np.mean(inside, axis=0) == pytest.approx([0.95, 0.95], abs=0.08)
 
 
 def test_at_a_known_shape_the_interval_is_that_of_a_mean():
     y = np.array([1.0, 2.0, 3.0])
-    found = Scan(np.zeros((1, 0)), np.ones((1, 3, 1)), y)
-    low, high = found.interval(np.array([1.0]), found.rise(2))
+    found = Scan(np.zeros((1, 0)), np.ones((1, 3, 1)), y, 2)
+    low, high = found.interval(np.array([1.0]))
     assert (low, high) == pytest.approx((2.0 - 4.302653 / np.sqrt(3.0), 2.0 + 4.302653 / np.sqrt(3.0)), abs=1e-6)
 
 
 def test_a_shape_that_nothing_bounds_is_open():
     found = decays(np.linspace(0.0, 1.0, 20), np.ones(20), 1.0)(LENGTHS)
-    assert found.shape_interval(0, 1.0, (LENGTHS[0], LENGTHS[-1]))[1] == np.inf
+    assert found.shape_interval(0, (LENGTHS[0], LENGTHS[-1]))[1] == np.inf
 
 
 def test_criterion_of_few_data():

@@ -26,7 +26,7 @@ def balanced(seed: int, between: float, within: float) -> tuple[np.ndarray, np.n
 def model(group: np.ndarray, y: np.ndarray, x: np.ndarray | None = None) -> MixedModel:
     parts = (
         RandomEffect("group", (group[:, None] == group[None, :]).astype(float), 1.0),
-        RandomEffect("cycle", np.ones(y.size), 1.0),
+        RandomEffect("cycle", np.eye(y.size), 1.0),
     )
     return MixedModel(y, np.ones((y.size, 1)) if x is None else x, np.zeros(y.size), parts)
 

@@ -179,8 +179,7 @@ def _characterise(reading: CampaignData, choice: SampleChoice) -> CampaignCharac
         measured[f"gauge_{side}_pa"] = sliding[f"pressure_{side}_pa"] - rig.ambient_pressure_pa
     ranges = {}  # lowest and highest measured values
     for name, values in measured.items():
-        known = values[np.isfinite(values)]
-        ranges[name] = (float(known.min()), float(known.max())) if known.size else (np.nan, np.nan)
+        ranges[name] = tuple(float(end.reduce(values, axis=None, initial=np.nan)) for end in (np.fmin, np.fmax))
     found = CampaignCharacteristics(
         name=reading.name,
         folder=reading.source,

@@ -210,7 +210,7 @@ def _scatter(table: pl.DataFrame, blocks: Array) -> Iterator[RandomEffect]:
     """Yield the random effects of the table: scatter of cycles and drift in each campaign, and scatter of blocks."""
     campaign, count, order = (table[name].to_numpy() for name in ("campaign", "count", "order"))
     for k in (0, 1):
-        yield RandomEffect(f"cycle {k + 1}", (campaign == k) / count, USUAL)
+        yield RandomEffect(f"cycle {k + 1}", np.diag((campaign == k) / count), USUAL)
         members = np.flatnonzero(campaign == k)
         if members.size >= DRIFT_CYCLES:
             kernel = np.zeros((campaign.size, campaign.size))

@@ -9,6 +9,7 @@ in the chambers, this force is known and subtracted. If they are measured at the
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -16,24 +17,20 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import polars as pl
 
+from pneudrive.arrays import Array, Columns, Ints, Row
 from pneudrive.estimate.estimates import NORMAL_95, Estimate, rms
-from pneudrive.estimate.mixed import MixedModel, Predicted, RandomEffect
+from pneudrive.estimate.mixed import MixedModel, RandomEffect
 from pneudrive.friction.bins import known_mean
-from pneudrive.friction.budget import SharedTerms, unseen_n
+from pneudrive.friction.budget import unseen_n
 from pneudrive.friction.campaign import result, smooth
 from pneudrive.friction.campaign.points import NAMES, OUTLIER, SAME_SPEED, STICK_SLIP, CurvePoints, shares_of
 from pneudrive.friction.campaign.reading import GROWING, OF_SIDES, WAYS, CampaignData, CycleTable, Gain
 from pneudrive.friction.friction_map import AMBIENT, BOTH, COLUMNS, HOUR_S, LEVEL_COLUMNS, LEVELS, columns_to_dataset
 from pneudrive.friction.sentences import sentence
+from pneudrive.signals.force_calibration import ForceCalibration
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-
     import xarray as xr
-
-    from pneudrive.arrays import Array, Ints
-    from pneudrive.friction.friction_map import Condition
-    from pneudrive.signals.force_calibration import ForceCalibration
 
 
 FEWEST = 4  # cycles
@@ -69,8 +66,15 @@ class Fits:
     doubtful: tuple[int, ...] = ()
 
     @cached_property
-    def bands(self) -> tuple[CurveBand, ...]:
-        """Bands of all curves, in the order of the conditions."""
+    def bands(self) -> tuple[Row, ...]:
+        """Curves with all components of their bands, in the order of the conditions.
+
+        ``number`` is the index of a curve in the models, and ``index`` that of its condition in the points. The other
+        entries have shape (m,): ``speed_m_s``; ``cycles``, the number of cycles at each speed, 0 between the measured
+        speeds; ``value_n``, ``low_n`` and ``high_n``, friction and its statistical 95 % interval; ``offset_n`` and
+        ``offset_half_n``, half the sum of both directions and half the width of its interval; and the uncertainties of
+        `systematic`.
+        """
         points, found = self.points, []
         for number, index in enumerate(sorted(set(points["curve"][points.use].tolist()))):
             # Speeds of the curve: the measured ones, and between them others without cycles.
@@ -85,9 +89,10 @@ class Fits:
             speed, cycles = speed[order], np.array([*counts, *[0] * between.size], dtype=np.int64)[order]
             value, low, high = by_chance(self, self.friction, number, speed, cycles)
             offset = self.offset.at(number, speed).predict()
-            shared = systematic(self, value, offset.mean, index)
-            of_speed = (points.conditions[index], speed, cycles)
-            found.append(CurveBand(number, index, *of_speed, value, low, high, offset, shared))
+            band = {"number": number, "index": index, "speed_m_s": speed, "cycles": cycles}
+            band |= {"value_n": value, "low_n": low, "high_n": high}
+            band |= {"offset_n": offset.mean, "offset_half_n": offset.half_width()}
+            found.append(band | systematic(self, value, offset.mean, index))
         return tuple(found)
 
     @property
@@ -175,11 +180,17 @@ def fit_response(fits: Fits, y: Array, stderr: Array, *, drift: bool) -> smooth.
     return smooth.fit_curves(data if drift else replace(data, drift=False, blocks=None))
 
 
-def systematic(fits: Fits, friction_n: Array, half_sum_n: Array, condition: int) -> SharedTerms:
-    """Return the uncertainties that all points of a condition have in common.
+def systematic(fits: Fits, friction_n: Array, half_sum_n: Array, condition: int) -> Columns:
+    """Return standard uncertainties in N, shape (m,), that all points of a condition have in common.
 
-    They refer to `friction_n` and `half_sum_n`, half the difference and half the sum of both directions. If zero runs
-    determine the zero of the sensor, half the sum adds no uncertainty.
+    They refer to `friction_n` and `half_sum_n`, half the difference and half the sum of both directions.
+
+    - ``gain_n``, ``hysteresis_n``: errors of the sensors, proportional to friction and independent of it.
+    - ``position_n``: friction over the part of the stroke that the mean does not cover.
+    - ``friction_u_n``: all three together, the uncertainty of friction in the mean state of the campaign.
+    - ``state_n``: deviation of friction from the mean state. It applies to a single cycle, not to the mean curve.
+    - ``zero_n``: zero of the force sensor.
+    - ``direction_u_n``: for one direction, the zero and, without zero runs, the whole half sum.
     """
     points, pattern = fits.points, fits.points.pattern
     # The common range stands for the whole stroke: relative uncertainty of friction, and that of half the sum, N.
@@ -190,68 +201,45 @@ def systematic(fits: Fits, friction_n: Array, half_sum_n: Array, condition: int)
     gain = here["u_gain_n"].mean() / max(abs(here["friction_n"].mean()), 1e-12)
     spread, size = fits.friction.drift.mean.std(), np.abs(friction_n)
     ones = np.ones(size.size)
-    return SharedTerms(
-        gain_n=gain * size,
-        hysteresis_n=np.mean(here["u_hysteresis_n"]) * ones,
-        position_n=unseen * size,
-        state_n=spread * (size if fits.friction.data.logarithmic else ones),
-        zero_n=np.hypot(np.mean(here["u_offset_n"]), unseen_offset_n) * ones,
-        half_sum_n=0.0 * ones if fits.has_zero else np.abs(half_sum_n),
-    )
-
-
-@dataclass(frozen=True, eq=False)
-class CurveBand:
-    """Curve of friction (half the difference of both directions), with all components of its band (shape (m,)).
-
-    Attributes
-    ----------
-    number, index : int
-        Index of the curve in the models, and index of its condition in the points.
-    condition : Condition
-    speed_m_s, cycles : ndarray
-        Speeds, and the number of cycles at each; 0 between the measured speeds.
-    value_n, low_n, high_n : ndarray
-        Curve and its statistical 95 % interval.
-    offset : Predicted
-        Half the sum of both directions.
-    shared : SharedTerms
-    """
-
-    number: int
-    index: int
-    condition: Condition
-    speed_m_s: Array
-    cycles: Ints
-    value_n: Array
-    low_n: Array
-    high_n: Array
-    offset: Predicted
-    shared: SharedTerms
+    terms = {
+        "gain_n": gain * size,
+        "hysteresis_n": np.mean(here["u_hysteresis_n"]) * ones,
+        "position_n": unseen * size,
+        "state_n": spread * (size if fits.friction.data.logarithmic else ones),
+        "zero_n": np.hypot(np.mean(here["u_offset_n"]), unseen_offset_n) * ones,
+    }
+    terms["friction_u_n"] = np.sqrt(terms["gain_n"] ** 2 + terms["hysteresis_n"] ** 2 + terms["position_n"] ** 2)
+    return terms | {"direction_u_n": terms["zero_n"] if fits.has_zero else np.hypot(terms["zero_n"], half_sum_n)}
 
 
 def curves_of(fits: Fits, *, contains_air: bool) -> tuple[result.Curve, ...]:
     """Return the curves of all conditions: for both directions together (half the difference), for +x and for -x."""
     points, curves = fits.points, list[result.Curve]()
     for band in fits.bands:
-        out = points.at((points["curve"] == band.index) & ~points.use)
+        out = points.at((points["curve"] == band["index"]) & ~points.use)
         excluded = pl.DataFrame({name: out[name].tolist() for name in EXCLUDED}, schema=EXCLUDED)
-        same = {name: getattr(band, name) for name in ("condition", "speed_m_s", "cycles")}
-        same |= {"contains_air": contains_air, "complete": fits.friction.data.drift}
-        same["excluded"] = excluded.sort("speed_m_s", maintain_order=True)
-        value, shared = band.value_n, band.shared
+        value = band["value_n"]
         for direction in (BOTH, 1, -1):
-            centre, below, above, u = value, value - band.low_n, band.high_n - value, shared.friction_n()
+            centre, below, above, u = value, value - band["low_n"], band["high_n"] - value, band["friction_u_n"]
             if direction != BOTH:
-                centre = value + direction * band.offset.mean if fits.has_zero else value
-                reach = band.offset.half_width()
-                u = np.hypot(u, np.hypot(shared.zero_n, shared.half_sum_n))
-                below, above = np.hypot(below, reach), np.hypot(above, reach)
-            low, high = centre - np.hypot(below, NORMAL_95 * u), centre + np.hypot(above, NORMAL_95 * u)
-            values: dict[str, Any] = {"friction_n": centre, "low_n": low, "high_n": high, "u_systematic_n": u}
-            curves.append(
-                result.Curve(direction=direction, stderr_n=(below + above) / (2.0 * NORMAL_95), **same, **values)
+                centre = value + direction * band["offset_n"] if fits.has_zero else value
+                u = np.hypot(u, band["direction_u_n"])
+                below, above = np.hypot(below, band["offset_half_n"]), np.hypot(above, band["offset_half_n"])
+            curve = result.Curve(
+                condition=points.conditions[band["index"]],
+                direction=direction,
+                speed_m_s=band["speed_m_s"],
+                friction_n=centre,
+                low_n=centre - np.hypot(below, NORMAL_95 * u),
+                high_n=centre + np.hypot(above, NORMAL_95 * u),
+                stderr_n=(below + above) / (2.0 * NORMAL_95),
+                u_systematic_n=u,
+                cycles=band["cycles"],
+                excluded=excluded.sort("speed_m_s", maintain_order=True),
+                contains_air=contains_air,
+                complete=fits.friction.data.drift,
             )
+            curves.append(curve)
     return tuple(curves)
 
 
@@ -306,8 +294,8 @@ def _paired(points: CurvePoints, fits: Fits | None, width_m: float) -> dict[str,
             here = points["curve"] == number
             shared = systematic(fits, points["friction_n"][here], points["offset_n"][here], number)
             scatter = np.hypot(points["offset_stderr_n"][here], fits.offset.fit.most_probable_sd("cycle"))
-            u[here] = np.hypot(shared.friction_n(), np.hypot(shared.state_n, block[here]))
-            one_sided[here] = scatter**2 + shared.zero_n**2 + shared.half_sum_n**2
+            u[here] = np.hypot(shared["friction_u_n"], np.hypot(shared["state_n"], block[here]))
+            one_sided[here] = scatter**2 + shared["direction_u_n"] ** 2
         stderr, own = np.hypot(stderr, cycle), np.zeros(len(points))
         if fits.has_zero:
             of_offset = fits.offset.fit
@@ -371,22 +359,22 @@ def air_shares(fits: Fits, curves: Sequence[result.Curve], *, separated: bool) -
     # The whole drag, the readings of the force sensor without weight and inertia, drifts like friction.
     total = fit_response(fits, points["friction_n"] + points["air_n"], points["total_stderr_n"], drift=True)
     for band in fits.bands:
-        value, low, high = by_chance(fits, total, band.number, band.speed_m_s, band.cycles)
-        whole.append(_with_u(value, low, high, systematic(fits, value, value, band.index).friction_n()))
+        value, low, high = by_chance(fits, total, band["number"], band["speed_m_s"], band["cycles"])
+        whole.append(_with_u(value, low, high, systematic(fits, value, value, band["index"])["friction_u_n"]))
     del total  # one model after the other: each needs much memory
     air = fit_response(fits, points["air_n"], points["air_stderr_n"], drift=False) if separated else None
     found, both = [], (curve for curve in curves if curve.direction == BOTH)
     for band, curve, total_n in zip(fits.bands, both, whole, strict=True):
-        unknown = np.full(band.speed_m_s.size, np.nan)
+        unknown = np.full(curve.speed_m_s.size, np.nan)
         part = seal = (unknown, unknown, unknown)
         bound = np.maximum(total_n[2] - np.minimum.accumulate(total_n[1]), 0.0) if air is None else unknown
         if air is not None:
-            u = float(np.mean(points["u_air_n"][points.use & (points["curve"] == band.index)]))
-            of_air = air.at(band.number, band.speed_m_s).predict()
+            u = float(np.mean(points["u_air_n"][points.use & (points["curve"] == band["index"])]))
+            of_air = air.at(band["number"], curve.speed_m_s).predict()
             half = of_air.half_width()
             part = _with_u(of_air.mean, of_air.mean - half, of_air.mean + half, u)
             seal = (curve.friction_n, curve.low_n, curve.high_n)
-        found.append(result.AirShare(band.condition, separated, band.speed_m_s, *total_n, *part, *seal, bound))
+        found.append(result.AirShare(curve.condition, separated, curve.speed_m_s, *total_n, *part, *seal, bound))
     return tuple(found)
 
 
@@ -400,16 +388,9 @@ CONSTANT = ("force: linearity", "force: hysteresis")  # sources of the force sen
 
 def sources(fits: Fits, gain: Gain, known: ForceCalibration | None) -> tuple[result.UncertaintySource, ...]:
     """List the sources of uncertainty, each as root mean square over the measured points of all curves, in N."""
-
-    def size_of(part: Callable[[CurveBand], Array], removed: Sequence[str] = ()) -> float:
-        size = rms(np.concatenate([part(band)[band.cycles > 0] for band in fits.bands]))
-        explained = sum(named.get(name, 0.0) ** 2 for name in removed)
-        return float(np.sqrt(max(size**2 - explained, 0.0))) if removed else size
-
-    def zero(band: CurveBand) -> Array:
-        both = np.hypot(band.shared.zero_n, band.shared.half_sum_n)
-        return np.hypot(both, band.offset.half_width() / NORMAL_95)
-
+    # Columns of the bands at the measured points of all curves.
+    names = ("low_n", "high_n", "offset_half_n", "gain_n", "hysteresis_n", "position_n", "direction_u_n")
+    of = {name: np.concatenate([band[name][band["cycles"] > 0] for band in fits.bands]) for name in names}
     used = fits.points.at(fits.points.use)
     assumed = bool(fits.points["assumed"].any())
     stated = "data" if np.isfinite(gain.stderr) else "assumed" if assumed else "stated"
@@ -419,17 +400,19 @@ def sources(fits: Fits, gain: Gain, known: ForceCalibration | None) -> tuple[res
     named = {name: u for name in known_to if (u := rms(used[name])) > 0.0}
     words = "" if known is None else f"{known.words()}: equal in all cycles"
     other, turning = ("force sensor", "sensors") if known is None else ("other sensors", "other sensors")
-    grow = size_of(lambda b: b.shared.gain_n, GROWING)
-    turn = size_of(lambda b: b.shared.hysteresis_n, CONSTANT)
-    scatter = size_of(lambda b: (b.high_n - b.low_n) / (2.0 * NORMAL_95))
-    place = size_of(lambda b: b.shared.position_n)
+    grow, turn = (
+        float(np.sqrt(max(rms(column) ** 2 - sum(named.get(name, 0.0) ** 2 for name in explained), 0.0)))
+        for column, explained in ((of["gain_n"], GROWING), (of["hysteresis_n"], CONSTANT))
+    )
+    scatter, place = rms(of["high_n"] - of["low_n"]) / (2.0 * NORMAL_95), rms(of["position_n"])
+    zero = rms(np.hypot(of["direction_u_n"], of["offset_half_n"] / NORMAL_95))
     rows = [
         ("scatter of the cycles", scatter, "A", "data", f"{chance}; from the mixed model"),
         *((f"force sensor, {name.removeprefix('force: ')}", u, "B", "stated", words) for name, u in named.items()),
         (f"gain of the {other}", grow, "A" if stated == "data" else "B", stated, ""),
         (f"hysteresis of the {turning}", turn, "B", "assumed", "a third of the accuracy"),
         ("mean over position", place, "B", "assumed", "pattern over the part of the stroke not covered"),
-        ("zero and asymmetry", size_of(zero), "A", "data", "curves of one direction only"),
+        ("zero and asymmetry", zero, "A", "data", "curves of one direction only"),
     ]
     return tuple(result.UncertaintySource(*row) for row in rows)
 
@@ -483,7 +466,7 @@ def sensor_zero(tares: CycleTable) -> result.SensorZero:
     if len(tares) >= FEWEST_TARES and np.ptp(time) > 0:
         x = np.column_stack([np.ones(time.size), (time - time.mean()) / HOUR_S])
         scale = max(float(np.std(zero)), float(stderr.mean()), 1e-9)
-        model = MixedModel(zero, x, stderr**2, (RandomEffect("tare", np.ones(time.size), scale),))
+        model = MixedModel(zero, x, stderr**2, (RandomEffect("tare", np.eye(time.size), scale),))
         drift = model.fit().contrast(np.array([0.0, 1.0]), "N/h")
     return result.SensorZero(time, zero, stderr, drift, "tare" if len(tares) else "not measured")
 
@@ -492,10 +475,11 @@ def asymmetries(fits: Fits) -> tuple[result.Asymmetry, ...]:
     """Return half the difference of friction between the directions at each condition."""
     found = []
     for band in fits.bands:
-        measured, basis = band.cycles > 0, "tare"
-        (mean,) = fits.offset.at(band.number, band.speed_m_s[measured]).mean().estimates()
-        mean = mean.widened(float(np.mean(band.shared.zero_n[measured])))
+        measured, basis = band["cycles"] > 0, "tare"
+        speed = band["speed_m_s"][measured]
+        (mean,) = fits.offset.at(band["number"], speed).mean().estimates()
+        mean = mean.widened(float(np.mean(band["zero_n"][measured])))
         if not fits.has_zero:  # the mean includes the zero, and no statement on symmetry is possible
             mean, basis = replace(mean, p=np.nan), "not separable"
-        found.append(result.Asymmetry(band.condition, band.speed_m_s[measured], mean, basis))
+        found.append(result.Asymmetry(fits.points.conditions[band["index"]], speed, mean, basis))
     return tuple(found)

@@ -287,7 +287,10 @@ class CurvePoints(CycleTable):
         used = np.flatnonzero(self.use)
         if used.size <= MOST_CYCLES:
             return self
-        groups = [used[group] for group in grouped(self["cell"][used], _stretches(self)[used], MOST_CYCLES, MOST_CELLS)]
+        stretch = np.zeros(len(self), dtype=np.int64)  # blocks, counted from 0 in each assembly
+        for members in self.assemblies.values():
+            stretch[members] = np.unique(self["block"][members], return_inverse=True)[1]
+        groups = [used[group] for group in grouped(self["cell"][used], stretch[used], MOST_CYCLES, MOST_CELLS)]
         means = {}
         for name in ("speed_m_s", "friction_n", "offset_n", "air_n"):
             means[name] = np.array([self[name][group].mean() for group in groups])
@@ -322,16 +325,6 @@ def points_of(reading: CampaignData) -> CurvePoints | None:
     columns |= {"curve": curve, "level": level, "cell": cell, "reason": np.where(reason == "", unlikely, reason)}
     alone = tuple(np.arange(len(cycles))[:, None])
     return CurvePoints(cycles.columns | columns, pattern, conditions, speeds, cycles, alone)
-
-
-def _stretches(points: CurvePoints) -> Ints:
-    """Return the block index of each cycle, counted from 0 within each combination of mounting, seal and drive."""
-    ranks: dict[tuple[str, ...], dict[int, int]] = {}
-    found = []
-    for condition, block in zip(points["condition"], points["block"].tolist(), strict=True):
-        same = ranks.setdefault(condition.levels, {})
-        found.append(same.setdefault(block, len(same)))
-    return np.array(found, dtype=np.int64)
 
 
 def grouped(place: Ints, stretch: Ints, rows: int, most: int) -> list[list[int]]:

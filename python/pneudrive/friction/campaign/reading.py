@@ -49,9 +49,6 @@ if TYPE_CHECKING:
 
     from pneudrive.friction.characterisation import Characterisation
 
-    Read = tuple[float, Row | Skipped | None]
-    """Path length of a cycle's moves, and its row or the reason why it has none."""
-
 T = TypeVar("T")
 SAME_SPEED = 0.1  # largest difference of the speeds of strokes in one cycle
 WAYS = np.array([1, -1])  # directions, in the order of the columns of both
@@ -526,11 +523,11 @@ def read_campaign(campaign: Campaign, choice: SampleChoice, processes: int | Non
             positions.append(moving[i].samples().position_m)
     edges = common_edges(positions)
     read = share_out(read_part, wanted, campaign.identity, choice, edges, least=WORTH_WORKERS, processes=processes)
-    rows = {file.head.cycle.key: one for file, one in zip(wanted, read, strict=True)}
+    rows = {f.cycle.key: row for f, row in zip(wanted, read, strict=True) if isinstance(row, dict)}
     plans = _plans(files, rows)
-    whole = [plans[key] | row for key, (_, row) in rows.items() if isinstance(row, dict)]
-    table = CycleTable.of(whole, BINS)
-    skipped += [data for _, data in rows.values() if isinstance(data, Skipped)]
+    table = CycleTable.of([plans[key] | row for key, row in rows.items() if "sides" in row], BINS)
+    used = [f.cycle.kind in (*SLIDING, *STANDING) for f in wanted]
+    skipped += [row for row, is_used in zip(read, used, strict=True) if is_used and isinstance(row, Skipped)]
     kinds = table["kind"]
     tares = table.at(kinds == "tare")
     gain = sensor_gain(campaign.identity, table.at(kinds == "weight"), tares)
@@ -553,7 +550,7 @@ def read_campaign(campaign: Campaign, choice: SampleChoice, processes: int | Non
     )
 
 
-def _plans(files: Sequence[CycleFile], found: dict[str, Read]) -> dict[str, Row]:
+def _plans(files: Sequence[CycleFile], rows: dict[str, Row]) -> dict[str, Row]:
     """Return for the key of each cycle the columns that follow from its header and from the cycles before it.
 
     The rest before a cycle is the time since the end of the previous cycle or, if that cycle was a stop, the duration
@@ -566,7 +563,8 @@ def _plans(files: Sequence[CycleFile], found: dict[str, Read]) -> dict[str, Row]
     plans, previous, duration, total, at = {}, None, np.nan, 0.0, None
     for head in heads:
         cycle, date = head.cycle, _date(head.started)
-        way, row = found.get(cycle.key, (0.0, None))
+        row = rows.get(cycle.key, {})
+        way = row.get("path_m", 0.0)
         rest = head.began_s - previous.began_s - duration if previous is not None else np.nan
         if previous is not None and previous.cycle.kind == "stop":
             rest = previous.cycle.stop_s or 0.0
@@ -590,7 +588,7 @@ def _plans(files: Sequence[CycleFile], found: dict[str, Read]) -> dict[str, Row]
             "rest_s": rest,
         }
         total, previous = total + way, head
-        duration = row["duration_s"] if isinstance(row, dict) and cycle.kind != "weight" else np.nan
+        duration = row.get("duration_s", np.nan) if cycle.kind != "weight" else np.nan
     return plans
 
 
@@ -600,34 +598,34 @@ def read_part(
     identity: Identity,
     choice: SampleChoice,
     edges_m: Array,
-) -> list[Read]:
-    """Read cycles one after the other. For an unusable cycle, return the reason.
+) -> list[Row | Skipped]:
+    """Read cycles one after the other. For an unusable cycle, return the reason."""
+    both = zip(files, read_samples(files, STANDING), strict=True)
+    return [read_or_skip(_row, file, samples, identity, choice, edges_m) for file, samples in both]
 
-    The path length from the samples is zero if the header lists steps, or if the samples cannot be read. Cycles that
-    only prepare the rig have no row.
+
+def _row(file: CycleFile, samples: Samples, identity: Identity, choice: SampleChoice, edges_m: Array) -> Row:
+    """Return the columns of a cycle that follow from its samples.
+
+    The column `path_m` is the length of the way from the samples, for a header without steps. Cycles that only prepare
+    the rig have no other column.
     """
-
-    def read(file: CycleFile, samples: Samples) -> Row:
-        recording, flags = recording_of(file, identity, samples)
-        if file.head.cycle.kind in STANDING:
-            row = standing_row(file, recording, samples, identity.ambient_pressure_pa)
-        else:
-            # Inertia is subtracted only in the source paper's protocol, where the settled part includes the ramp at the
-            # end of the stroke. Otherwise the mean acceleration is zero, and its estimate would only add noise.
-            motion = RecordedMotion.of(recording, choice, inertia=not choice.uses_window)
-            row = reduce_cycle(motion, edges_m)
-        known = samples.temperature_k[np.isfinite(samples.temperature_k)]
-        return row | {"flags": flags, "temperature_k": known.mean() if known.size else np.nan}
-
-    found: list[Read] = []
-    for file, samples in zip(files, read_samples(files, STANDING), strict=True):
-        cycle, way = file.cycle, 0.0
-        if not (cycle.steps or isinstance(samples, CampaignError)):
-            # The samples are widely spaced, so that noise does not add to the length.
-            position = samples.position_m[np.isfinite(samples.position_m)]
-            way = float(np.abs(np.diff(position[:: max(position.size // SAMPLES_OF_WAY, 1)])).sum())
-        found.append((way, read_or_skip(read, file, samples) if cycle.kind in (*SLIDING, *STANDING) else None))
-    return found
+    kind, row = file.cycle.kind, {}
+    if not file.cycle.steps:
+        # The samples are widely spaced, so that noise does not add to the length.
+        position = samples.position_m[np.isfinite(samples.position_m)]
+        row["path_m"] = float(np.abs(np.diff(position[:: max(position.size // SAMPLES_OF_WAY, 1)])).sum())
+    if kind not in (*SLIDING, *STANDING):
+        return row
+    recording, flags = recording_of(file, identity, samples)
+    if kind in STANDING:
+        row |= standing_row(file, recording, samples, identity.ambient_pressure_pa)
+    else:
+        # Inertia is subtracted only in the source paper's protocol, where the settled part includes the ramp at the
+        # end of the stroke. Otherwise the mean acceleration is zero, and its estimate would only add noise.
+        row |= reduce_cycle(RecordedMotion.of(recording, choice, inertia=not choice.uses_window), edges_m)
+    known = samples.temperature_k[np.isfinite(samples.temperature_k)]
+    return row | {"flags": flags, "temperature_k": known.mean() if known.size else np.nan}
 
 
 # --- Friction around a reversal.

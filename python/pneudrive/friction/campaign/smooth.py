@@ -246,7 +246,7 @@ def curve_model(data: CurveData) -> mixed.MixedModel:
     scales = {"shape": 5.0 * spread, "own shape": spread, "local": usual}
     kernels = data.kernels(observed, observed)
     components = [mixed.RandomEffect(name, kernel, scales[name]) for name, kernel in kernels.items()]
-    components.append(mixed.RandomEffect("cycle", on * data.chance**2 / data.count, usual, power=FEW_AGREE))
+    components.append(mixed.RandomEffect("cycle", np.diag(on * data.chance**2 / data.count), usual, FEW_AGREE))
     if data.drift:
         components.append(mixed.RandomEffect("drift", centred_walk(data.order), usual))
     if data.blocks is not None:

@@ -130,19 +130,13 @@ def pure_scatter(fits: Fits) -> tuple[Estimate, float, str] | None:
     again = np.bincount(cell)[cell] > 1
     if not again.any():
         return None
-    use = use[again]
-    cell = cells(cell[again])
-    y = fit.data.y[again]
-    order = fit.data.order[again]
-    weight, groups = fit.data.count[again], cell.max() + 1
-    columns = np.column_stack([y, order, shares_of(points.labels("block", use))[:, :-1]])
-    total = np.zeros((groups, columns.shape[1]))
-    np.add.at(total, cell, weight[:, None] * columns)
-    columns = np.sqrt(weight)[:, None] * (columns - total[cell] / np.bincount(cell, weight)[cell, None])
-    rest, kept = columns[:, 0], columns[:, 1 : None if y.size - groups > ENOUGH_FOR_LINE else 1]
-    kept = kept[:, independent(kept)]
-    rest = rest - projection(rest, kept)
-    free = y.size - groups - kept.shape[1]
+    use, cell, weight = use[again], cells(cell[again]), np.sqrt(fit.data.count[again])
+    groups = cell.max() + 1
+    x = np.eye(groups)[cell]
+    if use.size - groups > ENOUGH_FOR_LINE:
+        x = np.column_stack([x, fit.data.order[again], shares_of(points.labels("block", use))])
+    x, y = weight[:, None] * x[:, independent(x)], weight * fit.data.y[again]
+    rest, free = y - projection(y, x), y.size - x.shape[1]
     if free < 1:
         return None
     value = float(np.sqrt(rest @ rest / free))
@@ -189,18 +183,16 @@ def _describe(
     rows = here["relative_n"][:, common]
     position = points.pattern["position_m"][common]
     enough = np.isfinite(rows).mean(axis=1) >= COVERED
-    rows = rows[enough]
+    seen = np.isfinite(rows[enough]).any(axis=0)
+    rows, position = rows[enough][:, seen], position[seen]
     if rows.shape[0] < FEWEST_CYCLES or position.size < FEWEST_BINS:
         return None
     slowness = 1.0 / (here["speed_m_s"] * np.abs(here["friction_n"]))[enough]
     rows = rows - _trend(position, rows, slowness, ())[1] * slowness[:, None] * (position - position.mean())
-    known = np.isfinite(rows)
-    count = known.sum(axis=0)
-    mean = np.where(known, rows, 0.0).sum(axis=0) / np.maximum(count, 1)
-    squares = np.where(known, rows - mean, 0.0) ** 2
-    deviation = np.sqrt(squares.sum(axis=0) / np.maximum(count - 1, 1))
-    half = np.array([student(n - 1) for n in count]) * deviation / np.sqrt(np.maximum(count, 1))
-    waves = _waves(position, mean, deviation / np.sqrt(np.maximum(count, 1)))
+    count, mean = np.isfinite(rows).sum(axis=0), np.nanmean(rows, axis=0)
+    deviation = np.sqrt(np.nansum((rows - mean) ** 2, axis=0) / np.maximum(count - 1, 1))
+    half = np.array([student(n - 1) for n in count]) * deviation / np.sqrt(count)
+    waves = _waves(position, mean, deviation / np.sqrt(count))
     coefficients = _each(_columns(position, waves), rows)
     trend = _trend(position, rows, slowness, waves)[0]
     parts = zip(waves, coefficients[:, 2::2].T, coefficients[:, 3::2].T, strict=True)
@@ -244,7 +236,7 @@ def _trend(position: Array, rows: Array, slowness: Array, waves: Sequence[float]
         np.array([found[group].mean() for group in groups]),
         np.column_stack([np.ones(slow.size), slow]),
         np.array([variance[group].sum() for group in groups]) / count**2,
-        (RandomEffect("cycle", 1.0 / count, scale), RandomEffect("zero", slow**2 / count, scale)),
+        (RandomEffect("cycle", np.diag(1.0 / count), scale), RandomEffect("zero", np.diag(slow**2 / count), scale)),
     )
     fit = model.fit()
     return fit.contrast(np.array([1.0, 0.0]), "1/m"), fit.contrast(np.array([0.0, 1.0])).value / usual
@@ -460,7 +452,7 @@ def _fit(fits: Fits, design: _Design, x: Array) -> MixedFit | None:
     share, relative = (level if fits.friction.data.logarithmic else np.ones(y.size)), fits.friction.relative
     usual = CYCLE_SCALE * max(np.abs(y).mean(), 1e-9)
     outer, own = np.outer(share, share), relative * level**2 + 1.0 - relative
-    components = [RandomEffect("cycle", own / fits.points.count[design.used], usual)]
+    components = [RandomEffect("cycle", np.diag(own / fits.points.count[design.used]), usual)]
     if fits.friction.data.drift:
         components.append(RandomEffect("drift", outer * centred_walk(design.points["order"]), usual))
     if (blocks := fits.friction.data.blocks) is not None:

@@ -456,12 +456,12 @@ def recover(bins: Array, running_stderr_n: float, speed_m_s: float) -> Row:
     def at(lengths: Array) -> Scan:
         decay = np.exp(-s / lengths[:, None])
         design = np.stack([decay, np.ones_like(decay)], axis=2)
-        return Scan(lengths[:, None], design / sigma[:, None], y / sigma)
+        return Scan(lengths[:, None], design / sigma[:, None], y / sigma, freedom, least=1.0)
 
-    found = refined(at, coarse, LENGTHS, lambda one: one.rise(freedom, 1.0))
+    found = refined(at, coarse, LENGTHS)
     lengths = found.shape[:, 0]
     back = lengths * np.log(1.0 / BACK)
-    inside = back[found.inside(found.rise(freedom, 1.0))]
+    inside = back[found.inside]
     best, cost, (drop, left) = found.best, found.cost[found.best], found.coefficient[found.best].tolist()
     rest = y - drop * np.exp(-s / lengths[best]) - left
     strange = cost > freedom + 3.0 * np.sqrt(2.0 * freedom)
@@ -562,13 +562,13 @@ def _forms(time: Array, force: Array, variance: Array) -> Row:
         ratio = time[None, :, None] / shape[:, None, :]  # of times (n,) to time constants (g, k), shape (g, n, k)
         relaxed = np.log10(1.0 + ratio) if form == "log" else -np.expm1(-ratio)
         columns = np.concatenate([np.ones((len(shapes), time.size, 1)), -relaxed], axis=2)
-        fits[form] = Scan(shape, columns * root[:, None], force * root)
+        fits[form] = Scan(shape, columns * root[:, None], force * root, time.size - 3, least=1.0)
         aicc[form] = corrected_criterion(fits[form].cost.min(), 1 + 2 * shape.shape[1], time.size)
     form = min(aicc, key=lambda name: aicc[name])
-    best, log, freedom = fits[form], fits["log"], time.size - 3
+    best, log = fits[form], fits["log"]
     found: Row = {"relaxation_form": form}
     if np.isfinite(aicc["log"]):
-        ends = log.interval(np.array([0.0, 1.0]), log.rise(freedom, 1.0))
+        ends = log.interval(np.array([0.0, 1.0]))
         found |= _interval("relaxation_n_per_decade", float(log.coefficient[log.best, 1]), *ends)
     if form != "none":
         found["relaxation_time_s"] = float(best.shape[best.best, 0])

@@ -16,8 +16,8 @@ This gives L for each time constant tau. B and the pressure coefficients are fou
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 import polars as pl
@@ -29,14 +29,9 @@ from pneudrive.friction.campaign.stops import dwell_models
 from pneudrive.friction.campaign.stops.course import BACK
 from pneudrive.friction.campaign.stops.dwell_models import durations_of
 from pneudrive.friction.campaign.stops.stop import SPOILING
-from pneudrive.friction.friction_map import CHAMBERS, LEVELS, PA_PER_BAR, TOLD, classify_pressures, conditions_of
+from pneudrive.friction.friction_map import CHAMBERS, LEVELS, TOLD, Condition, classify_pressures, conditions_of
 from pneudrive.friction.sentences import Statement, say
 from pneudrive.repr_tables import Shown
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
-
-    from pneudrive.friction.friction_map import Condition
 
 
 def inertia_of(stops: pl.DataFrame) -> float:
@@ -258,17 +253,16 @@ def fit_contact_age(
             distance = np.array([np.mean(lengths(t)) for t in times])
         shapes = np.column_stack([times, distance])
         aged = np.array([form.psi(dwell, t, exponent) - form.psi(d / speed, t, exponent) for t, d in shapes])
-        return Scan(shapes, aged[:, :, None] * columns, increment)
+        return Scan(shapes, aged[:, :, None] * columns, increment, freedom)
 
     freedom = max(len(stops) - columns.shape[1] - 1, 1)
     limits = (dwell.min() / REACH[0], dwell.max() * REACH[1])
-    found = refined(at, np.geomspace(*limits, TIMES), FINE, lambda one: one.rise(freedom))
-    rise, best = found.rise(freedom), found.best
-    b, time = found.coefficient[best], float(found.shape[best, 0])
+    found = refined(at, np.geomspace(*limits, TIMES), FINE)
+    b, time = found.coefficient[found.best], float(found.shape[found.best, 0])
     if b[0] <= 0.0:
         return None
     row = np.eye(columns.shape[1])[0]
-    spread = np.sqrt(found.scale(freedom) * np.diag(found.covariance[best]))
+    spread = np.sqrt(found.scale * np.diag(found.covariance[found.best]))
     clear = np.abs(b) > student(freedom) * spread
     shares = np.zeros(2)
     shares[varied] = np.where(clear, b / b[0], 0.0)[1:]  # one value for both chambers if they changed together
@@ -277,8 +271,8 @@ def fit_contact_age(
     return ContactAge(
         form=form,
         exponent=exponent,
-        increment=Estimate(float(b[0]), *found.interval(row, rise), float(spread[0]), "N", freedom),
-        time=Estimate(time, *found.shape_interval(0, rise, limits), np.nan, "s"),
+        increment=Estimate(float(b[0]), *found.interval(row), float(spread[0]), "N", freedom),
+        time=Estimate(time, *found.shape_interval(0, limits), np.nan, "s"),
         distance=mean_estimate(each_length, "m") if each_length.size >= FEWEST_STOPS else None,
         share_a_pa=share_a,
         share_b_pa=share_b,
@@ -459,7 +453,7 @@ def _pressure(curve: dwell_models.DwellCurve, at: Array, ambient: float) -> Dwel
     gauge = np.array([(c.pressure_a_pa - ambient, c.pressure_b_pa - ambient) for c in curve.conditions])
     if not (np.ptp(gauge, axis=0) > SAME_PRESSURE_PA).any():
         return None
-    kind = classify_pressures(gauge / PA_PER_BAR)
+    kind = classify_pressures(gauge)
     names = [] if kind == "line" else [*TOLD.get(kind, ["sum"])]
     away = gauge - gauge.mean(axis=0)
     columns = away[:, [int(name == "b") for name in names]]

@@ -21,9 +21,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from itertools import product
-from typing import TYPE_CHECKING
 
 import numpy as np
+import polars as pl
+from numpy.typing import NDArray
 
 from pneudrive import _core
 from pneudrive.arrays import Array, Interval, by_name
@@ -35,11 +36,6 @@ from pneudrive.estimate.design import DesignSpace, exchange, information
 from pneudrive.estimate.estimates import student
 from pneudrive.friction.friction_map import Condition, conditions_of
 from pneudrive.repr_tables import Shown
-
-if TYPE_CHECKING:
-    import polars as pl
-    from numpy.typing import NDArray
-
 
 EXPONENTS = np.round(np.linspace(0.15, 1.0, 18), 3)
 PER_DECADE = 10  # points of the first profile over a time
@@ -182,7 +178,7 @@ def _fit(curve: DwellCurve, form: DwellForm, whitener: Array, reference_s: float
         if form.growth:
             psi = np.array([form.psi(dwell, *shape) for shape in shapes])
             designs = np.concatenate([designs, own * psi[:, :, None]], axis=2)
-        return mixed.Scan(shapes, whitener @ designs, whitener @ increment)
+        return mixed.Scan(shapes, whitener @ designs, whitener @ increment, freedom)
 
     limits = {
         "s": (dwell.min() / form.reach[0], dwell.max() * form.reach[1]),
@@ -192,11 +188,11 @@ def _fit(curve: DwellCurve, form: DwellForm, whitener: Array, reference_s: float
     freedom = max(n - count + 1, 1)
     low, high = limits["s"]
     times = np.geomspace(low, high, int(PER_DECADE * np.log10(high / low)))
-    profile = mixed.refined(at, times, FINE, lambda s: s.rise(freedom)) if form.growth else at(times)
-    rise, best = profile.rise(freedom), profile.coefficient[profile.best]
+    profile = mixed.refined(at, times, FINE) if form.growth else at(times)
+    best = profile.coefficient[profile.best]
     slope = np.zeros_like(profile.coefficient)
     slope[:, -conditions:] = np.array([[form.slope(reference_s, *s)] for s in profile.shape]) / conditions
-    slope_low, slope_high = profile.interval(slope, rise)
+    slope_low, slope_high = profile.interval(slope)
     cost = max(profile.cost[profile.best], 1e-300)
     deviance = n * np.log(cost / n) - 2.0 * np.log(np.diag(whitener)).sum()
     aicc = corrected_criterion(deviance, count, n)
@@ -204,7 +200,7 @@ def _fit(curve: DwellCurve, form: DwellForm, whitener: Array, reference_s: float
         form=form,
         shape=by_name(form.units, profile.shape[profile.best]),
         shape_intervals={
-            name: profile.shape_interval(k, rise, limits[unit]) for k, (name, unit) in enumerate(form.units.items())
+            name: profile.shape_interval(k, limits[unit]) for k, (name, unit) in enumerate(form.units.items())
         },
         level_n=best[:conditions],
         amplitude_n=best[-conditions:] if form.growth else np.zeros(conditions),
@@ -334,7 +330,7 @@ def fit_curve(stops: pl.DataFrame, conditions: tuple[Condition, ...], drift_prio
     size = np.clip(line / max(line.mean(), 1e-300), *GROWTH_RANGE)
     tau = _first_scatter(data, x)
     swing = max(np.ptp(line), tau)
-    components = [mixed.RandomEffect("scatter", size / size.mean(), tau)]
+    components = [mixed.RandomEffect("scatter", np.diag(size / size.mean()), tau)]
     if most_durations(data) > 2:
         share = np.where(condition[:, None] == condition, 1.0, COMMON_BEND)
         bends = ((name, gaussian(u, u, length) * share, swing * part) for name, (length, part) in BENDS.items())
@@ -357,7 +353,7 @@ def fit_curve(stops: pl.DataFrame, conditions: tuple[Condition, ...], drift_prio
         )
         curve = DwellCurve(data, conditions, model.fit(), centre, extra, inflation, weight)
         # Residual of each stop from curve and blocks, in standard deviations.
-        variance = (model.noise + curve.fit.sd[0] ** 2 * scatter.kernel) * weight
+        variance = (model.noise + curve.fit.sd[0] ** 2 * np.diag(scatter.kernel)) * weight
         solved = np.linalg.solve(model.covariance(curve.fit.sd), model.y - x @ curve.fit.states[0].beta)
         away = np.abs(variance / weight * solved) / np.sqrt(np.maximum(variance, 1e-300))
         updated = np.minimum(1.0, HUBER_K / np.maximum(away, 1e-12))
