@@ -327,15 +327,15 @@ def nearest(name: str, choices: Iterable[str]) -> str:
 
 
 @contextmanager
-def naming(name: str, caught: ErrorKind = DescriptionError) -> Iterator[None]:
+def naming(name: str, caught: ErrorKind = DescriptionError, kind: ErrorKind = CommandError) -> Iterator[None]:
     """Put a name in front of the messages of the errors that the block raises.
 
     Raises
     ------
-    CommandError
-        The block raised an error of the class `caught`.
+    PneudriveError
+        An error of `kind`: the block raised an error of the class `caught`.
     """
     try:
         yield
     except caught as error:
-        raise CommandError(f"{name}: {error.what}", where=error.where, rule=error.rule, remedy=error.remedy) from None
+        raise kind(f"{name}: {error.what}", where=error.where, rule=error.rule, remedy=error.remedy) from None

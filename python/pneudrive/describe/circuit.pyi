@@ -15,15 +15,19 @@ from functools import cached_property
 from pathlib import Path
 from pneudrive.arrays import Keyed as Keyed, NamedNumbers as NamedNumbers, Plain as Plain
 from pneudrive.describe.base import as_tables as as_tables, escaped as escaped, inline as inline
-from pneudrive.describe.circuit_tables import completed as completed, read_components as read_components
-from pneudrive.describe.components import Component as Component, within_component as within_component
-from pneudrive.describe.connections import Part as Part, Wiring as Wiring
-from pneudrive.describe.files import toml as toml
+from pneudrive.describe.components import (
+    Component as Component,
+    component as component,
+    component_class as component_class,
+    within_component as within_component,
+)
+from pneudrive.describe.connections import AMBIENT as AMBIENT, Part as Part, Wiring as Wiring
+from pneudrive.describe.files import catalogue as catalogue, toml as toml
 from pneudrive.describe.files.sourced import Value as Value
 from pneudrive.describe.formulas import law as law, written as written
 from pneudrive.describe.kinds import COMMAND as COMMAND, component_kinds as component_kinds
 from pneudrive.describe.marks import Positions as Positions, Signal as Signal
-from pneudrive.describe.short import Short as Short
+from pneudrive.describe.short import Short as Short, TABLES as TABLES
 from pneudrive.describe.system import (
     DRIVE_NAMES as DRIVE_NAMES,
     DescribedSystem as DescribedSystem,
@@ -43,8 +47,10 @@ from pneudrive.describe.tables.valve_flow import without_other_sizes as without_
 from pneudrive.errors import (
     DescriptionError as DescriptionError,
     Problems as Problems,
+    invalid as invalid,
     together as together,
     warn as warn,
+    wrong as wrong,
 )
 from pneudrive.lazy_names import upper as upper
 from pneudrive.progress import Flag as Flag, Progress as Progress
@@ -52,6 +58,7 @@ from pneudrive.repr_tables import Card as Card
 from pneudrive.simulation.command import Commands as Commands
 from typing import Any, ClassVar, Literal
 
+_NAME: Incomplete
 STOP_KEYS: Incomplete
 
 class Circuit(DescribedSystem):
@@ -137,4 +144,10 @@ class Circuit(DescribedSystem):
         **keys: _Any,
     ) -> None: ...
 
+def _completed(data: Plain, short: Short, problems: Problems) -> Plain: ...
+def _read_components(
+    given: object, problems: Problems
+) -> tuple[dict[str, Component], dict[str, Part], dict[str, list[str]]]: ...
+def _used(name: str, table: Plain) -> Plain: ...
+def _component(name: str, table: object) -> Component: ...
 def _relocate(error: Any, short: Short, parts: Mapping[str, Part]) -> Any: ...

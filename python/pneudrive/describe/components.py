@@ -13,12 +13,13 @@ from pydantic import BeforeValidator, ConfigDict, Field, create_model, model_val
 from pneudrive.describe import marks
 from pneudrive.describe.base import Described, inline
 from pneudrive.describe.files import sourced
+from pneudrive.describe.formulas.law import law_of
 from pneudrive.describe.formulas.written import ComponentFormula, formula_of
 from pneudrive.describe.kinds import COMMAND, FLOW, RATIO, STATED, acts, component_kinds, flow_keys, is_bare, is_needed
-from pneudrive.describe.marks import POSITIVE, Positions, Quantity, Signal, StatedPressure, parameter_quantity
+from pneudrive.describe.marks import Positions, Quantity, Signal, StatedPressure, parameter_quantity
 from pneudrive.describe.tables import valve_flow
-from pneudrive.describe.tables.friction import Friction
-from pneudrive.describe.tables.parts import FlowCoefficient
+from pneudrive.describe.tables.dependences import DEPENDENCES
+from pneudrive.describe.tables.friction import Friction, friction_laws
 from pneudrive.errors import DescriptionError, invalid, nearest, package_table, within, wrong
 from pneudrive.units import Pressure, UnitFloat, column_name
 
@@ -91,23 +92,8 @@ class Component(Described):
 
     @classmethod
     def over(cls, base: Keyed, own: Keyed) -> Plain:
-        """Merge the user's values over the values of a catalogue part. Values retain their origins.
-
-        A flow size of the user replaces that of the part, even if it has another key, such as `kv`. Another friction
-        law also replaces the parameters of the law.
-        """
-        own = cls.flat(own)
-        out = valve_flow.without_other_sizes(cls.flat(base), own)
-        for key, given in own.items():
-            old = out.get(key)
-            is_one = sourced.has_origin(given) or sourced.has_origin(old)
-            if isinstance(given, dict) and isinstance(old, dict) and not is_one:
-                law = sourced.parted(old)[0].get("law")
-                is_same = law is None or given.get("law", law) == law
-                out[key] = (old if is_same else {}) | given
-            else:
-                out[key] = given
-        return out
+        """Merge the user's values over the values of a catalogue part, see `merge`."""
+        return merge(cls.flat(base), cls.flat(own))
 
     @model_validator(mode="after")
     def _complete(self) -> Component:
@@ -230,6 +216,29 @@ class Component(Described):
     def __reduce__(self) -> tuple[object, ...]:
         """Pickle the component as its table, because its class is generated again on loading."""
         return component, (self.to_dict(),)
+
+
+def merge(base: Keyed, changes: Keyed, optional: str = "") -> Plain:
+    """Merge changes over a description, table by table. Values retain their origins.
+
+    A changed flow size replaces that of the same flow path, even if it has another key, such as `kv`. Another friction
+    law removes the parameters of the old law, and a rodless cylinder has no rod. Sizes with and without the prefix
+    `optional` belong to the same flow path.
+    """
+    out = valve_flow.without_other_sizes(base, changes, optional)
+    old, new = (sourced.plain(table.get("law")) for table in (base, changes))
+    if old is not None and new not in (None, old):
+        own = law_of(new)
+        entry = friction_laws().get(new) if own is None else own.entry
+        stays = DEPENDENCES.keys() - ({"relaxation"} if entry and not entry["bristles"] else ())
+        out = {key: value for key, value in out.items() if key in stays}
+    if changes.get("kind") == "rodless":
+        out.pop("rod_diameter", None)
+    for key, value in changes.items():
+        before = out.get(key)
+        are_tables = sourced.is_inner(before) and sourced.is_inner(value)
+        out[key] = merge(before, value, optional) if are_tables else value
+    return out
 
 
 def unusual_sizes(description: Described, usual: Mapping[str, Interval]) -> Iterator[tuple[str, UnitFloat, float, str]]:
@@ -413,8 +422,4 @@ _SWITCHES = 'A switching valve has time_on and time_off. For a spool, write kind
 
 
 #: Alternatives to the conductance as size of a flow path, by the last word of their key.
-_SIZES: dict[str, Quantity] = {
-    "flow": Quantity("m^3/s ANR", "l/min ANR", POSITIVE),
-    "kv": FlowCoefficient("", "Kv", POSITIVE),
-    "cv": FlowCoefficient("", "Cv", POSITIVE),
-}
+_SIZES = {"flow": marks.NOMINAL_FLOW, "kv": marks.KV, "cv": marks.CV}

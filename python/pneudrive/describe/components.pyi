@@ -14,6 +14,7 @@ from pneudrive.arrays import Interval as Interval, Keyed as Keyed, NamedNumbers 
 from pneudrive.describe import marks as marks
 from pneudrive.describe.base import Described as Described, inline as inline
 from pneudrive.describe.files import sourced as sourced
+from pneudrive.describe.formulas.law import law_of as law_of
 from pneudrive.describe.formulas.written import ComponentFormula as ComponentFormula, formula_of as formula_of
 from pneudrive.describe.kinds import (
     COMMAND as COMMAND,
@@ -27,7 +28,6 @@ from pneudrive.describe.kinds import (
     is_needed as is_needed,
 )
 from pneudrive.describe.marks import (
-    POSITIVE as POSITIVE,
     Positions as Positions,
     Quantity as Quantity,
     Signal as Signal,
@@ -35,8 +35,8 @@ from pneudrive.describe.marks import (
     parameter_quantity as parameter_quantity,
 )
 from pneudrive.describe.tables import valve_flow as valve_flow
-from pneudrive.describe.tables.friction import Friction as Friction
-from pneudrive.describe.tables.parts import FlowCoefficient as FlowCoefficient
+from pneudrive.describe.tables.dependences import DEPENDENCES as DEPENDENCES
+from pneudrive.describe.tables.friction import Friction as Friction, friction_laws as friction_laws
 from pneudrive.errors import (
     DescriptionError as DescriptionError,
     invalid as invalid,
@@ -82,6 +82,7 @@ class Component(Described):
     def __getattr__(self, name: str) -> _Any: ...
     def __init__(self, *, kind: str, at: _Given | _Sequence[_Any] | None = ..., **keys: _Any) -> None: ...
 
+def merge(base: Keyed, changes: Keyed, optional: str = "") -> Plain: ...
 def unusual_sizes(
     description: Described, usual: Mapping[str, Interval]
 ) -> Iterator[tuple[str, UnitFloat, float, str]]: ...
@@ -100,4 +101,4 @@ SWITCHED: dict[str, list[float]]
 _PULSES: str
 _SPOOL: Incomplete
 _SWITCHES: str
-_SIZES: dict[str, Quantity]
+_SIZES: Incomplete

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 from pydantic import Field, model_validator
 
 from pneudrive.describe.base import as_tables, escaped, inline, key_of
-from pneudrive.describe.components import USUAL, unusual_sizes
+from pneudrive.describe.components import USUAL, merge, unusual_sizes
 from pneudrive.describe.files import catalogue, provenance, sourced, toml
 from pneudrive.describe.files.provenance import Origin
 from pneudrive.describe.formulas import written
@@ -19,11 +19,10 @@ from pneudrive.describe.formulas.law import law_of
 from pneudrive.describe.marks import Positions, Signal, absolute_above_vacuum
 from pneudrive.describe.short import TABLES, Short
 from pneudrive.describe.system import DRIVE_NAMES, PISTON, DescribedSystem, System, short_name
-from pneudrive.describe.tables.dependences import DEPENDENCES
-from pneudrive.describe.tables.friction import Friction, friction_laws
+from pneudrive.describe.tables.friction import Friction
 from pneudrive.describe.tables.parts import Cylinder, EndStop, Initial, Load, Supply, Valve, assumed_stops
 from pneudrive.describe.tables.starts import StartState, read_initial, start_state
-from pneudrive.describe.tables.valve_flow import NEEDLE, conductance_key, without_other_sizes
+from pneudrive.describe.tables.valve_flow import NEEDLE, conductance_key
 from pneudrive.errors import Problems, invalid, wrong
 from pneudrive.repr_tables import Card
 
@@ -137,7 +136,7 @@ class Drive(DescribedSystem):
         values = catalogue.all_values(entry)
         tables = {"schema": 1, "name": entry.title} | toml.nested((v.key, v.value) for v in values)
         origins = _untouched(values, changes)
-        made = cls.model_validate(sourced.put_back(merge(tables, changes), origins))
+        made = cls.model_validate(sourced.put_back(merge(tables, changes, NEEDLE), origins))
         vars(made)["origin_of"] = origins | made.origin_of
         return made.read_from(reference)
 
@@ -158,7 +157,7 @@ class Drive(DescribedSystem):
         values = ((key, as_tables(value)) for key, value in changes.items() if key != "provenance")
         nested, origins = toml.nested(values), changes.get("provenance", {})
         untouched = _untouched(self.origin_of.values(), nested)
-        tables = sourced.put_back(merge(self.to_dict(), nested), untouched)
+        tables = sourced.put_back(merge(self.to_dict(), nested, NEEDLE), untouched)
         tables.pop("provenance", None)
         after = type(self).model_validate(tables)
         known = provenance.kept(self, after, self.provenance) | origins if self.provenance or origins else {}
@@ -341,32 +340,6 @@ class Drive(DescribedSystem):
         notes = [f"identified, with interval and source: {', '.join(self.provenance)}"] if origins else []
         notes += [f"assumed: {', '.join(self.assumed())}"] if self.assumed() else []
         return Card(self.name, rows=list(tables.items()), notes=notes)
-
-
-def merge(base: Plain, changes: Plain) -> Plain:
-    """Apply changes to base values, table by table.
-
-    A new size of the valve removes its other sizes. Another friction law removes the parameters of the old law.
-    """
-    kept = dict(base)
-    for table, own in changes.items():
-        old = base.get(table)
-        if not isinstance(own, dict) or not isinstance(old, dict):
-            continue
-        if table == "valve":
-            kept[table] = without_other_sizes(old, own)
-        elif table == "cylinder" and own.get("kind") == "rodless":
-            kept[table] = {key: value for key, value in old.items() if key != "rod_diameter"}
-        elif table == "friction" and own.get("law", old.get("law")) != old.get("law"):
-            law = law_of(own["law"])
-            entry = friction_laws().get(own["law"]) if law is None else law.entry
-            relaxes = entry is None or entry["bristles"]
-            stays = DEPENDENCES.keys() - ({} if relaxes else {"relaxation"})
-            kept[table] = {key: value for key, value in old.items() if key in stays}
-        elif table == "flow_control":
-            both = {chamber for chamber in own if isinstance(old.get(chamber), dict) and isinstance(own[chamber], dict)}
-            kept[table] = old | {each: without_other_sizes(old[each], own[each], NEEDLE) for each in both}
-    return toml.merge(kept, changes, sourced.is_inner)
 
 
 def _untouched(values: Iterable[sourced.Value], changes: Keyed) -> dict[str, sourced.Value]:

@@ -15,7 +15,7 @@ from pathlib import Path
 from pneudrive.arrays import Keyed as Keyed, NamedNumbers as NamedNumbers, Plain as Plain
 from pneudrive.describe.base import as_tables as as_tables, escaped as escaped, inline as inline, key_of as key_of
 from pneudrive.describe.circuit import Circuit as Circuit
-from pneudrive.describe.components import USUAL as USUAL, unusual_sizes as unusual_sizes
+from pneudrive.describe.components import USUAL as USUAL, merge as merge, unusual_sizes as unusual_sizes
 from pneudrive.describe.files import catalogue as catalogue, provenance as provenance, sourced as sourced, toml as toml
 from pneudrive.describe.files.provenance import Origin as Origin
 from pneudrive.describe.formulas import written as written
@@ -33,8 +33,7 @@ from pneudrive.describe.system import (
     System as System,
     short_name as short_name,
 )
-from pneudrive.describe.tables.dependences import DEPENDENCES as DEPENDENCES
-from pneudrive.describe.tables.friction import Friction as Friction, friction_laws as friction_laws
+from pneudrive.describe.tables.friction import Friction as Friction
 from pneudrive.describe.tables.parts import (
     Cylinder as Cylinder,
     EndStop as EndStop,
@@ -49,11 +48,7 @@ from pneudrive.describe.tables.starts import (
     read_initial as read_initial,
     start_state as start_state,
 )
-from pneudrive.describe.tables.valve_flow import (
-    NEEDLE as NEEDLE,
-    conductance_key as conductance_key,
-    without_other_sizes as without_other_sizes,
-)
+from pneudrive.describe.tables.valve_flow import NEEDLE as NEEDLE, conductance_key as conductance_key
 from pneudrive.errors import Problems as Problems, invalid as invalid, wrong as wrong
 from pneudrive.repr_tables import Card as Card
 from typing import Any, ClassVar
@@ -131,5 +126,4 @@ class Drive(DescribedSystem):
         provenance: _Mapping[str, _Any] = ...,
     ) -> None: ...
 
-def merge(base: Plain, changes: Plain) -> Plain: ...
 def _untouched(values: Iterable[sourced.Value], changes: Keyed) -> dict[str, sourced.Value]: ...

@@ -420,18 +420,26 @@ def _on_paper(given: object) -> Interval | None:
 ON_PAPER = Reads(_on_paper, list, {"type": "array", "items": {"type": "number"}, "minItems": 2, "maxItems": 2})
 
 
+@dataclass(frozen=True)
 class PureNumber(Quantity):
-    """Annotation of a field for a number without a unit, or for a fraction in per cent, "0.4 %"."""
+    """Annotation of a field for a number without a unit, or for a text with one of `words`: "0.4 %", "0.9 Cv"."""
+
+    words: tuple[str, ...] = ("%",)
 
     def read(self, given: object) -> float:
-        """Convert and check a number or a percentage."""
-        share = units.share_of(given)
-        return super().read(given if share is None else share)
+        """Convert and check a number, a percentage or a flow coefficient."""
+        number, word = units.split_number(given)
+        return super().read(given if word not in self.words else number / 100.0 if word == "%" else number)
 
     def schema(self) -> Plain:
-        """Return the JSON schema of a number or a percentage."""
-        number = super().schema()
-        return {"anyOf": [number, {"type": "string", "pattern": r"^\S+\s*%$"}]}
+        """Return the JSON schema of a number, or of a text with a word."""
+        return {"anyOf": [super().schema(), {"type": "string", "pattern": rf"^\S+\s*({'|'.join(self.words)})$"}]}
+
+
+#: Sizes of a flow path.
+CONDUCTANCE = Quantity("m^3/(s Pa)", "dm3/(s bar)", POSITIVE)
+NOMINAL_FLOW = Quantity("m^3/s ANR", "l/min ANR", POSITIVE)
+KV, CV = PureNumber("", "Kv", POSITIVE, ("Kv", "m3/h")), PureNumber("", "Cv", POSITIVE, ("Cv",))
 
 
 @dataclass(frozen=True)
@@ -471,8 +479,8 @@ class PointRows(Quantity):
                 raise DescriptionError(f"point {number} = {dict(table)!r}", rule=f"a point is {example}{rest}")
             row = []
             for key, mark, default in self.columns:
-                is_left_out = default is not None and key not in table
-                row.append(default if is_left_out else _read(mark, table[key], f"{key} of point {number}"))
+                with naming(f"{key} of point {number}", kind=DescriptionError):
+                    row.append(mark.read(table[key]) if key in table else default)
             rows.append(tuple(row))
         key, first, _ = self.columns[0]
         for before, after in pairwise(rows):
@@ -492,13 +500,6 @@ class PointRows(Quantity):
         """Return the JSON schema of the list."""
         columns = {key: mark.schema() for key, mark, _ in self.columns}
         return {"type": "array", "items": table_schema(columns, self.needed), "minItems": 2, "maxItems": self.most}
-
-
-def _read(mark: Quantity, given: object, name: str) -> float:
-    try:
-        return mark.read(given)
-    except DescriptionError as error:
-        raise DescriptionError(f"{name}: {error.what}", rule=error.rule, remedy=error.remedy) from None
 
 
 # --- Parameters that the core lists.

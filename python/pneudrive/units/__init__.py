@@ -448,8 +448,7 @@ def write(value: float, si_unit: str, unit: str | None = None) -> str:
         exact = (Decimal(repr(value)) - Decimal(repr(offset))) / Decimal(repr(factor))
         if len(exact.as_tuple().digits) <= 17 and 1e-4 <= abs(exact) < 1e15:
             return f"{exact:f} {unit}"
-    plain = {"m^3/s ANR": "m3/s ANR"}.get(si_unit, si_unit.replace("^", ""))
-    return f"{value!r} {plain}"
+    return f"{value!r} {si_unit.replace('^', '')}"
 
 
 def like(unit: str) -> list[str]:

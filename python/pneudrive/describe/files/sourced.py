@@ -93,18 +93,19 @@ def parted(table: Keyed) -> tuple[Plain, dict[str, Value]]:
 
     Examples
     --------
-    >>> plain, origins = parted({"friction": {"coulomb": {"value": "9 N", "assumed": "a guess"}}, "bore": "25 mm"})
-    >>> plain, origins["friction.coulomb"].assumed
+    >>> values, origins = parted({"friction": {"coulomb": {"value": "9 N", "assumed": "a guess"}}, "bore": "25 mm"})
+    >>> values, origins["friction.coulomb"].assumed
     ({'friction': {'coulomb': '9 N'}, 'bore': '25 mm'}, 'a guess')
     """
     leaves = toml.leaves(table, is_inner=is_inner)
-    return _plain(table), {key: read(key, given) for key, given in leaves if has_origin(given)}
+    return plain(table), {key: read(key, given) for key, given in leaves if has_origin(given)}
 
 
-def _plain(given: Any) -> Any:  # noqa: ANN401 - any kind of value
+def plain(given: Any) -> Any:  # noqa: ANN401 - any kind of value
+    """Return a value or a table without origins."""
     if has_origin(given):
         return given["value"]
-    return {key: _plain(one) for key, one in given.items()} if isinstance(given, dict) else given
+    return {key: plain(one) for key, one in given.items()} if isinstance(given, dict) else given
 
 
 def put_back(table: Plain, origins: Mapping[str, Value]) -> Plain:

@@ -336,7 +336,7 @@ def _depth(value: object) -> int:
     return 1 + max(map(_depth, value.values()), default=0) if isinstance(value, dict) else 0
 
 
-def value_text(value: object) -> str:
+def value_text(value: Any) -> str:  # noqa: ANN401 - any value of TOML
     """Write one value: a boolean, a number (also of NumPy), a text, a list or an inline table."""
     if isinstance(value, bool):
         return "true" if value else "false"
@@ -350,10 +350,7 @@ def value_text(value: object) -> str:
         return f'"{escaped}"'
     if isinstance(value, dict):
         return "{ " + ", ".join(f"{key_text(k)} = {value_text(v)}" for k, v in value.items()) + " }"
-    if isinstance(value, (list, tuple)):
-        return "[" + ", ".join(value_text(v) for v in value) + "]"
-    msg = f"a {type(value).__name__} cannot be written as TOML"
-    raise TypeError(msg)
+    return "[" + ", ".join(map(value_text, value)) + "]"
 
 
 def key_text(key: str) -> str:

@@ -110,7 +110,7 @@ def _following(known: NamedNumbers) -> NamedNumbers:
     """Return the parameters of `_FOLLOWS`. Those that are not in `known` are derived from other parameters."""
     out = dict(known)
     for key, (sources, value) in _FOLLOWS.items():
-        if key not in out and (key != "damping_fade_velocity" or out["bristle_damping"] > 0.0):
+        if key not in out and all(out[source] > 0.0 for source in sources):
             out[key] = value(*(out[source] for source in sources))
     return {key: out[key] for key in _FOLLOWS if key in out}
 
@@ -122,15 +122,12 @@ def assumed_from(friction: Friction) -> dict[str, tuple[tuple[str, ...], Callabl
     """
     if friction.law != DEFAULT_LAW:
         return {}
-    known = {key: friction.parameters[key] for key in ("coulomb", "breakaway")}
-    out = {}
+    out, exact = {}, dict(friction.parameters)  # exact: without rounding
     for key, (sources, value) in _FOLLOWS.items():
-        has, would = friction.parameters.get(key), _following(known).get(key)
-        if has is not None and would is not None and (has == _as_assumed(would) or math.isclose(has, would)):
-            out[key] = (sources, value)
-            known[key] = would
-        elif has is not None:
-            known[key] = has
+        if key in exact and all(exact[source] > 0.0 for source in sources):
+            would = value(*(exact[source] for source in sources))
+            if exact[key] == _as_assumed(would) or math.isclose(exact[key], would):
+                out[key], exact[key] = (sources, value), would
     return out
 
 

@@ -13,7 +13,7 @@ from pneudrive.describe.base import Described
 from pneudrive.describe.marks import NOT_NEGATIVE, POSITIVE, Bounds, MaybePressure, MaybeTemperature, Quantity
 from pneudrive.describe.tables import valve_flow
 from pneudrive.describe.tables.geometry import check_rod, piston_areas
-from pneudrive.errors import DescriptionError, invalid, package_table, warn, wrong
+from pneudrive.errors import invalid, package_table, warn, wrong
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Mapping, Sequence
@@ -266,25 +266,6 @@ class Cylinder(_DrivePart):
         return piston_areas(self.kind, self.bore_m, self.rod_diameter_m or 0.0)
 
 
-class FlowCoefficient(Quantity):
-    """Annotation of a flow coefficient: a number, or a number with the coefficient's name as unit ("0.9 Cv")."""
-
-    def read(self, given: object) -> float:
-        """Convert and check a flow coefficient."""
-        number, unit = units.split_number(given)
-        if unit in ("Kv", "Cv", "m3/h"):
-            if (unit == "Cv") != (self.written == "Cv"):
-                raise DescriptionError(f'"{given}" is not a {self.written}')
-            given = number
-        return super().read(given)
-
-    def schema(self) -> Plain:
-        """Return the JSON schema of a number, with or without the name of the coefficient."""
-        own = "Kv|m3/h" if self.written == "Kv" else "Cv"
-        number = super().schema()
-        return {"anyOf": [number, {"type": "string", "pattern": rf"^\S+\s+({own})$"}]}
-
-
 SWITCHING = "switching-5/3"
 
 
@@ -304,12 +285,10 @@ class Valve(_DrivePart):
     table_name: ClassVar[str] = "valve"
     elsewhere: ClassVar[Mapping[str, str]] = _elsewhere("valve")
     kind: Literal["proportional-5/3", "switching-5/3"]
-    conductance_given: Annotated[float | None, Quantity("m^3/(s Pa)", "dm3/(s bar)", POSITIVE)] = Field(
-        default=None, alias="conductance"
-    )
-    nominal_flow_m3_s_anr: Annotated[float | None, Quantity("m^3/s ANR", "l/min ANR", POSITIVE)] = None
-    kv: Annotated[float | None, FlowCoefficient("", "Kv", POSITIVE)] = None
-    cv: Annotated[float | None, FlowCoefficient("", "Cv", POSITIVE)] = None
+    conductance_given: Annotated[float | None, marks.CONDUCTANCE] = Field(default=None, alias="conductance")
+    nominal_flow_m3_s_anr: Annotated[float | None, marks.NOMINAL_FLOW] = None
+    kv: Annotated[float | None, marks.KV] = None
+    cv: Annotated[float | None, marks.CV] = None
     critical_pressure_ratio: marks.Fraction = valve_flow.USUAL_RATIO
     subsonic_index: Annotated[float, Quantity("", bounds=Bounds(above=0.0, at_most=2.0))] = 0.5
     linear_above: marks.Fraction = 0.999

@@ -27,13 +27,7 @@ from pneudrive.describe.marks import (
 )
 from pneudrive.describe.tables import valve_flow as valve_flow
 from pneudrive.describe.tables.geometry import check_rod as check_rod, piston_areas as piston_areas
-from pneudrive.errors import (
-    DescriptionError as DescriptionError,
-    invalid as invalid,
-    package_table as package_table,
-    warn as warn,
-    wrong as wrong,
-)
+from pneudrive.errors import invalid as invalid, package_table as package_table, warn as warn, wrong as wrong
 from typing import Annotated, Any, ClassVar, Literal
 
 DEW_POINTS: Incomplete
@@ -180,10 +174,6 @@ class Cylinder(_DrivePart):
         end_stop: EndStop | _Mapping[str, _Any] = ...,
         chamber_law: _Literal["energy-balance", "as-printed"] = ...,
     ) -> None: ...
-
-class FlowCoefficient(Quantity):
-    def read(self, given: object) -> float: ...
-    def schema(self) -> Plain: ...
 
 SWITCHING: str
 

@@ -125,24 +125,21 @@ class Starts:
             for platform in self.platforms
             for k, key in enumerate(coordinate_keys(platform))
         }
-        self.places: dict[str, Joint] = {}  # port or component with gas -> its joint
-        self.keys = {_key(name): name for name in self.names}  # key as users write it -> name in the core
-        for name in self.names:
-            of, _, last = name.rpartition(".")
-            if last == PRESSURE:
-                self.keys[of] = name
-                self._place(of)
-
-    def _place(self, of: str) -> None:
-        """Find the joint to which a start pressure applies, and accept the names of all ports of the joint for it."""
+        joints: dict[str, Joint] = {}  # port, or component with gas -> its joint
         for port, joint in self.wiring.at.items():
-            if of == port.id or (of == port.component and port.holds == "volume"):
-                self.places[of] = joint
-                for other in joint.ports:
+            joints.setdefault(port.id, joint)
+            if port.holds == "volume":
+                joints.setdefault(port.component, joint)
+        self.keys = {_key(name): name for name in self.names}  # key as users write it -> name in the core
+        self.places: dict[str, Joint] = {}  # port or component with a start pressure -> its joint
+        for of in (name.removesuffix(f".{PRESSURE}") for name in self.names if name.endswith(f".{PRESSURE}")):
+            self.keys[of] = f"{of}.{PRESSURE}"
+            if of in joints:
+                self.places[of] = joints[of]
+                for port in joints[of].ports:  # all ports of the joint name this gas
+                    self.keys.setdefault(port.id, f"{of}.{PRESSURE}")
                     for last in (PRESSURE, TEMPERATURE):
-                        self.keys.setdefault(_key(f"{other.id}.{last}"), f"{of}.{last}")
-                    self.keys.setdefault(other.id, f"{of}.{PRESSURE}")
-                return
+                        self.keys.setdefault(_key(f"{port.id}.{last}"), f"{of}.{last}")
 
     def values(self, *given: Keyed) -> tuple[NamedNumbers, list[str]]:
         """Return all start values in SI, and notes on the assumed values.
