@@ -182,6 +182,7 @@ class MixedModel:
     noise : ndarray, shape (n,)
         Known variance of each observation.
     components : tuple of RandomEffect
+        At least one.
     """
 
     y: Array
@@ -196,8 +197,6 @@ class MixedModel:
 
     def fit(self) -> MixedFit:
         """Fit the standard deviations, and find the points that represent their uncertainty."""
-        if not self.components:
-            return MixedFit(self, self.scales, np.ones(1), (_State(self, self.scales),))
         few = self._few()
         best = _search(few, None)
         points, weights = _points(few, best)

@@ -180,10 +180,11 @@ def fit_response(fits: Fits, y: Array, stderr: Array, *, drift: bool) -> smooth.
     return smooth.fit_curves(data if drift else replace(data, drift=False, blocks=None))
 
 
-def systematic(fits: Fits, friction_n: Array, half_sum_n: Array, condition: int) -> Columns:
+def systematic(fits: Fits, friction_n: Array, half_sum_n: Array, condition: Ints | int) -> Columns:
     """Return standard uncertainties in N, shape (m,), that all points of a condition have in common.
 
-    They refer to `friction_n` and `half_sum_n`, half the difference and half the sum of both directions.
+    They refer to `friction_n` and `half_sum_n`, half the difference and half the sum of both directions, at one
+    condition or at the condition of each point. They are NaN at a condition without points of F(v).
 
     - ``gain_n``, ``hysteresis_n``: errors of the sensors, proportional to friction and independent of it.
     - ``position_n``: friction over the part of the stroke that the mean does not cover.
@@ -197,16 +198,19 @@ def systematic(fits: Fits, friction_n: Array, half_sum_n: Array, condition: int)
     common = pattern["common"]
     of_bins = (pattern[name][common] for name in ("friction", "offset_n"))
     unseen, unseen_offset_n = (unseen_n(values, common.mean()) for values in of_bins)
-    here = points.at(points.use & (points["curve"] == condition))
-    gain = here["u_gain_n"].mean() / max(abs(here["friction_n"].mean()), 1e-12)
+    used = points.at(points.use)
+    count = np.bincount(used["curve"], minlength=len(points.conditions))
+    with np.errstate(invalid="ignore"):
+        names = ("u_gain_n", "friction_n", "u_hysteresis_n", "u_offset_n")
+        gain, level, hysteresis, zero = (np.bincount(used["curve"], used[n], count.size) / count for n in names)
     spread, size = fits.friction.drift.mean.std(), np.abs(friction_n)
     ones = np.ones(size.size)
     terms = {
-        "gain_n": gain * size,
-        "hysteresis_n": np.mean(here["u_hysteresis_n"]) * ones,
+        "gain_n": (gain / np.maximum(np.abs(level), 1e-12))[condition] * size,
+        "hysteresis_n": hysteresis[condition] * ones,
         "position_n": unseen * size,
         "state_n": spread * (size if fits.friction.data.logarithmic else ones),
-        "zero_n": np.hypot(np.mean(here["u_offset_n"]), unseen_offset_n) * ones,
+        "zero_n": np.hypot(zero[condition], unseen_offset_n) * ones,
     }
     terms["friction_u_n"] = np.sqrt(terms["gain_n"] ** 2 + terms["hysteresis_n"] ** 2 + terms["position_n"] ** 2)
     return terms | {"direction_u_n": terms["zero_n"] if fits.has_zero else np.hypot(terms["zero_n"], half_sum_n)}
@@ -283,23 +287,19 @@ def friction_map(
 def _paired(points: CurvePoints, fits: Fits | None, width_m: float) -> dict[str, np.ndarray]:
     """Return the map columns of cycles with both directions, for bins of width `width_m` (shape (n, 1) or (n, 2))."""
     friction, offset = points["friction_n"][:, None], points["offset_n"][:, None]
-    unknown = np.full(len(points), np.nan)
     # Budget of each cycle: noise and scatter; systematic uncertainty, with the deviation from the mean state of the
     # campaign; further variance of a single direction (half the sum of both, zero). NaN without a curve.
-    stderr, u, one_sided = points["friction_stderr_n"], unknown.copy(), unknown.copy()
-    own = unknown  # offset from the drifting zero of the force sensor; 0 without zero runs
+    stderr, u, one_sided = points["friction_stderr_n"], np.nan * points["friction_n"], np.nan * points["friction_n"]
+    own = u  # offset from the drifting zero of the force sensor; 0 without zero runs
     if fits is not None:
         cycle, block = (deviation_n(fits, name, points["friction_n"]) for name in ("cycle", "block"))
-        for number in set(points["curve"][points.use].tolist()):  # others have no curve for their cycles
-            here = points["curve"] == number
-            shared = systematic(fits, points["friction_n"][here], points["offset_n"][here], number)
-            scatter = np.hypot(points["offset_stderr_n"][here], fits.offset.fit.most_probable_sd("cycle"))
-            u[here] = np.hypot(shared["friction_u_n"], np.hypot(shared["state_n"], block[here]))
-            one_sided[here] = scatter**2 + shared["direction_u_n"] ** 2
+        shared = systematic(fits, points["friction_n"], points["offset_n"], points["curve"])
+        scatter = np.hypot(points["offset_stderr_n"], fits.offset.fit.most_probable_sd("cycle"))
+        u = np.hypot(shared["friction_u_n"], np.hypot(shared["state_n"], block))
+        one_sided = scatter**2 + shared["direction_u_n"] ** 2
         stderr, own = np.hypot(stderr, cycle), np.zeros(len(points))
         if fits.has_zero:
-            of_offset = fits.offset.fit
-            zero = float(np.average([state.beta[0] for state in of_offset.states], weights=of_offset.weights))
+            zero = fits.offset.fit.contrast(np.eye(fits.offset.data.kept.size)[0]).value
             order = fits.offset.data.order
             at = np.argsort(order, kind="stable")
             own = points["offset_n"] - zero - np.interp(points["order"], order[at], fits.offset.drift.mean[at])

@@ -20,7 +20,6 @@ from __future__ import annotations
 
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
-from datetime import datetime
 from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Self, TypeVar
@@ -483,13 +482,6 @@ class CampaignData:
     notes: tuple[str, ...] = ()
 
 
-def _date(started: str) -> str:
-    try:
-        return datetime.fromisoformat(started).date().isoformat()
-    except ValueError:
-        return ""
-
-
 @many_objects()
 def read_campaign(campaign: Campaign, choice: SampleChoice, processes: int | None) -> CampaignData:
     """Read and reduce all cycles of a campaign.
@@ -559,10 +551,10 @@ def _plans(files: Sequence[CycleFile], rows: dict[str, Row]) -> dict[str, Row]:
     """
     heads = [file.head for file in files]
     first, last, began = heads[0].index, heads[-1].index, min(head.began_s for head in heads)
-    known = sorted({_date(head.started) for head in heads} - {""})
+    known = sorted({head.started[:10] for head in heads} - {""})
     plans, previous, duration, total, at = {}, None, np.nan, 0.0, None
     for head in heads:
-        cycle, date = head.cycle, _date(head.started)
+        cycle, date = head.cycle, head.started[:10]
         row = rows.get(cycle.key, {})
         way = row.get("path_m", 0.0)
         rest = head.began_s - previous.began_s - duration if previous is not None else np.nan
