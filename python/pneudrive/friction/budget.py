@@ -24,8 +24,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pneudrive.arrays import Array, Interval
-from pneudrive.friction.strokes import CLOCK_S, Side
+from pneudrive.arrays import Array, Interval, Row
+from pneudrive.friction.strokes import CLOCK_S
 from pneudrive.signals.recording import Recording
 
 COVERAGE_FACTOR = 2.0
@@ -60,8 +60,8 @@ class BudgetEntry:
 
 def systematic_budget(
     recording: Recording,
-    up: Side,
-    down: Side,
+    up: Row,
+    down: Row,
     offset_slope_n_m: float = 0.0,
     sample_interval_s: float = 0.0,
     late_s: float = 0.0,
@@ -72,8 +72,8 @@ def systematic_budget(
     ----------
     recording : Recording
         Its ``accuracy`` entries are standard uncertainties.
-    up, down : Side
-        Means in +x and -x over the window.
+    up, down : dict
+        Rows of `Strokes.sides`: means in +x and -x over the window.
     offset_slope_n_m, sample_interval_s : float
         Slope of the offset over position, and interval within which all channels are sampled. A time skew between them
         appears as friction.
@@ -93,28 +93,28 @@ def systematic_budget(
     ambient = recording.ambient_pressure_pa
     half_difference = half_sum = 0.0
     for side, area in (("a", recording.area_a_m2), ("b", -recording.area_b_m2)):
-        p_up, p_down = (getattr(m, f"pressure_{side}_pa") - ambient for m in (up, down))
+        p_up, p_down = (m[f"pressure_{side}_pa"] - ambient for m in (up, down))
         half_difference += area * (p_up - p_down) / 2
         half_sum += area * (p_up + p_down) / 2
     friction, offset = abs(relative * half_difference), abs(relative * half_sum)
     entries.append(BudgetEntry("bore (area)", float(shown), unit, basis, "B", friction, offset, note))
     angle = accuracy.get("alignment_rad", float(ASSUMED_ALIGNMENT_RAD))
     known = "layout" if "alignment_rad" in accuracy else "assumed"
-    turned, shared = (half * angle**2 / 2 for half in _halves(up.force_n, down.force_n))
+    turned, shared = (half * angle**2 / 2 for half in _halves(up["force_n"], down["force_n"]))
     words = "cosine error; friction from a side load is friction of the rig and remains in the result"
     entries.append(BudgetEntry("alignment of the force axis", angle, "rad", known, "B", turned, shared, words))
-    skew, speed = sample_interval_s / np.sqrt(12.0), (abs(up.velocity_m_s) + abs(down.velocity_m_s)) / 2
+    skew, speed = sample_interval_s / np.sqrt(12.0), (abs(up["velocity_m_s"]) + abs(down["velocity_m_s"])) / 2
     turned, words = abs(offset_slope_n_m) * speed * skew, "rectangular over one sampling interval"
     entries.append(BudgetEntry("time skew between channels", skew, "s", "assumed", "B", turned, 0.0, words))
     if recording.parallel:
         largest = max(f.uncertainty for f in recording.parallel)
         names = ", ".join(f.name for f in recording.parallel)
-        area = _halves(up.parallel_n, down.parallel_n)
+        area = _halves(up["parallel_n"], down["parallel_n"])
         entries.append(BudgetEntry("areas of parallel forces", largest, "", "layout", "B", *area, names))
     if late_s != 0.0:  # the delay of several loggers, or as closed chambers show it
         basis = "assumed" if recording.parallel and late_s == CLOCK_S else "data"
         words = "delay of the pressures relative to the force"
-        entries.append(BudgetEntry(CLOCKS, late_s, "s", basis, "B", *_halves(up.late_n, down.late_n), words))
+        entries.append(BudgetEntry(CLOCKS, late_s, "s", basis, "B", *_halves(up["late_n"], down["late_n"]), words))
     return entries
 
 
@@ -133,7 +133,7 @@ def unseen_n(pattern_n: Array, coverage: float) -> float:
     return (1.0 - coverage * (1.0 - BEYOND_SHARE)) * float(known.std()) if known.size else 0.0
 
 
-def _sensor_entries(recording: Recording, channel: str, up: Side, down: Side) -> list[BudgetEntry]:
+def _sensor_entries(recording: Recording, channel: str, up: Row, down: Row) -> list[BudgetEntry]:
     """Return the budget entries of a sensor: common error and hysteresis, or those of a calibration.
 
     Half the difference of both directions contains only the error that changes with direction.
@@ -145,7 +145,7 @@ def _sensor_entries(recording: Recording, channel: str, up: Side, down: Side) ->
     if channel == "force_n":
         known = recording.force_calibration
         if known is not None:
-            found = known.doubts((up.force_n - down.force_n) / 2.0, (up.force_n + down.force_n) / 2.0)
+            found = known.doubts((up["force_n"] - down["force_n"]) / 2.0, (up["force_n"] + down["force_n"]) / 2.0)
             return [
                 BudgetEntry(f"force: {name}", u, "N", "layout", "B", friction, offset, known.words())
                 for name, (u, friction, offset) in found.items()
@@ -166,7 +166,7 @@ def _sensor_entries(recording: Recording, channel: str, up: Side, down: Side) ->
         basis = "assumed" if note.lower().startswith("assumed") else "layout"
     limits = recording.limits.get(channel)
     reference = max(abs(limit - zero) for limit in limits) if limits else largest
-    change = abs(getattr(up, channel) - getattr(down, channel)) / 2
+    change = abs(up[channel] - down[channel]) / 2
     common = u * newton_per_unit
     left = common * change / reference if reference else 0.0
     hysteresis = common * ASSUMED_DIRECTION_SHARE / float(np.sqrt(2.0))
@@ -195,8 +195,8 @@ def chance_n(scatter_n: Array | float, noise_n: Array | float) -> Array:
 
 def stated_shares(
     recording: Recording,
-    up: Side,
-    down: Side,
+    up: Row,
+    down: Row,
     late_s: float = 0.0,
 ) -> dict[str, float | bool]:
     """Return the parts of a cycle's budget that campaigns treat separately, by column of the cycle.
@@ -205,7 +205,7 @@ def stated_shares(
     """
     entries = systematic_budget(recording, up, down, late_s=late_s)
     # Hysteresis needs a reading that changes with direction: a constant pressure has none.
-    turns = {c: abs(getattr(up, f"pressure_{c}_pa") - getattr(down, f"pressure_{c}_pa")) for c in "ab"}
+    turns = {c: abs(up[f"pressure_{c}_pa"] - down[f"pressure_{c}_pa"]) for c in "ab"}
     moves = {f"pressure {c}: hysteresis": turns[c] * getattr(recording, f"area_{c}_m2") / 2.0 for c in "ab"}
     constant = ("hysteresis", "linearity")
     changing = [min(e.friction_n, moves.get(e.source, np.inf)) for e in entries if e.source.endswith(constant)]
@@ -213,9 +213,9 @@ def stated_shares(
     # Tares remove the zero; the rest of an accuracy grows with the reading.
     ambient = recording.ambient_pressure_pa
     readings = {
-        "force: common error": _of_range(recording, "force_n", (up.force_n + down.force_n) / 2.0, 0.0),
-        "pressure a: common error": _of_range(recording, "pressure_a_pa", up.pressure_a_pa, ambient),
-        "pressure b: common error": _of_range(recording, "pressure_b_pa", up.pressure_b_pa, ambient),
+        "force: common error": _of_range(recording, "force_n", (up["force_n"] + down["force_n"]) / 2.0, 0.0),
+        "pressure a: common error": _of_range(recording, "pressure_a_pa", up["pressure_a_pa"], ambient),
+        "pressure b: common error": _of_range(recording, "pressure_b_pa", up["pressure_b_pa"], ambient),
         "bore (area)": 1.0,
         **dict.fromkeys(("force: gain", "force: linearity", "force: creep"), 1.0),
     }

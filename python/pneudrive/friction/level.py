@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from pneudrive.arrays import Bools, Columns, Interval, NamedNumbers, Row
-    from pneudrive.friction.strokes import MeasuredStroke, SampleChoice, Side
+    from pneudrive.friction.strokes import MeasuredStroke, SampleChoice
     from pneudrive.signals.load import RecordingFile
 
     Part = tuple[RecordedMotion, tuple[Stroke, ...]]
@@ -64,8 +64,8 @@ class Level(Shown):
         Positions between which friction is averaged.
     table : Strokes
         All strokes of the class, also unused ones.
-    sides : dict of Side
-        Used strokes by direction, +1 or -1.
+    sides : dict
+        Rows of the used strokes by direction, +1 or -1, see `Strokes.sides`.
     bins : ndarray of bool, shape (m,)
         Bins of the window covered by all directions.
     """
@@ -74,7 +74,7 @@ class Level(Shown):
     index: int
     window_m: Interval
     table: Strokes
-    sides: dict[int, Side]
+    sides: dict[int, Row]
     bins: Bools
 
     @property
@@ -106,7 +106,7 @@ class Level(Shown):
     @property
     def spreads(self) -> dict[int, Spread]:
         """Spread of the means of the used strokes, for both directions."""
-        return {way: self.sides[way].spread if way in self.sides else NO_STROKES for way in (1, -1)}
+        return {way: self.sides[way]["spread"] if way in self.sides else NO_STROKES for way in (1, -1)}
 
     @property
     def friction_n(self) -> float:
@@ -114,12 +114,12 @@ class Level(Shown):
 
         For a single direction, the balance, positive against the motion.
         """
-        return sum(way * side.spread.mean_n for way, side in self.sides.items()) / len(self.sides)
+        return sum(way * side["spread"].mean_n for way, side in self.sides.items()) / len(self.sides)
 
     @property
     def offset_n(self) -> float:
         """Half the sum of the force balances in +x and -x, in N; NaN for a single direction."""
-        return sum(side.spread.mean_n for side in self.sides.values()) / 2 if len(self.sides) == 2 else np.nan
+        return sum(side["spread"].mean_n for side in self.sides.values()) / 2 if len(self.sides) == 2 else np.nan
 
     @cached_property
     def stderr_n(self) -> float:
@@ -130,9 +130,9 @@ class Level(Shown):
         rows = [self.table.balance_n[rows][:, self.bins] for rows in self.table.directions.values()]
         if len(rows) == 1:
             (side,) = self.sides.values()
-            scatter, single, inside = side.spread.stderr_n, rows[0][0], within_stderr(rows[0])
+            scatter, single, inside = side["spread"].stderr_n, rows[0][0], within_stderr(rows[0])
         else:
-            known = [(side.spread.deviation_n, side.spread.effective) for side in self.sides.values()]
+            known = [(side["spread"].deviation_n, side["spread"].effective) for side in self.sides.values()]
             deviation, effective = np.array(known).T[:, None]
             scatter, single = pair_stderr(deviation, effective)[0], self.profile.friction_n[self.bins]
             inside = np.sqrt(sum(within_stderr(matrix) ** 2 for matrix in rows)) / 2
@@ -207,22 +207,22 @@ class Level(Shown):
     def flags(self) -> tuple[str, ...]:
         """Names of the flags of samples, level and doubtful values."""
         sides = list(self.sides.values())
-        speeds = [abs(side.velocity_m_s) for side in sides]
+        speeds = [abs(side["velocity_m_s"]) for side in sides]
         narrow = self.bins.sum() < 0.9 * self.profile.in_window.sum()
-        stick_slip = any(side.stick_slip for side in sides)
-        ripple = any(side.ripple > RIPPLE_LIMIT for side in sides)
+        stick_slip = any(side["stick_slip"] for side in sides)
+        ripple = any(side["ripple"] > RIPPLE_LIMIT for side in sides)
         seen = {
             **self.motion.recording.flags,
             "unpaired": len(sides) < 2,
             "negative_friction": self.friction_n < -2 * self.expanded_n,
-            "single_stroke": min(side.strokes for side in sides) == 1,
-            "trend": any(side.spread.has_trend for side in sides),
+            "single_stroke": min(side["strokes"] for side in sides) == 1,
+            "trend": any(side["spread"].has_trend for side in sides),
             "stick_slip": stick_slip,
             "speed_ripple": ripple and not stick_slip,
             "window_not_covered": self.motion.choice.uses_window and narrow,
-            "pressure_moves": any(side.pressure_moves_n > 0.5 * abs(self.friction_n) for side in sides),
+            "pressure_moves": any(side["pressure_moves_n"] > 0.5 * abs(self.friction_n) for side in sides),
             "unequal_speeds": max(speeds) - min(speeds) > 0.1 * max(speeds),
-            "mixed_speeds": any(speeds_differ(side.used) for side in sides),
+            "mixed_speeds": any(speeds_differ(side["used"]) for side in sides),
             **self.doubts,
         }
         return tuple(name for name, is_so in seen.items() if is_so)
@@ -251,7 +251,7 @@ class Level(Shown):
     @property
     def speed_m_s(self) -> float:
         """Mean absolute speed of both directions in the window."""
-        return float(np.mean([abs(side.velocity_m_s) for side in self.sides.values()]))
+        return float(np.mean([abs(side["velocity_m_s"]) for side in self.sides.values()]))
 
     @property
     def speed_stderr_m_s(self) -> float:
@@ -263,7 +263,7 @@ class Level(Shown):
     @property
     def gauge_pa(self) -> NamedNumbers:
         """Gauge pressures in chambers ``a`` and ``b``, averaged over the directions."""
-        means = {side: np.mean([getattr(s, f"pressure_{side}_pa") for s in self.sides.values()]) for side in "ab"}
+        means = {side: np.mean([s[f"pressure_{side}_pa"] for s in self.sides.values()]) for side in "ab"}
         return {side: float(mean) - self.ambient_pressure_pa for side, mean in means.items()}
 
     @property
@@ -278,10 +278,10 @@ class Level(Shown):
         for way, side in self.sides.items():
             peaks = [row.peak for row in self.table.rows if row.peak and row.peak.direction == way]
             spoiled = ("breakaway_spoiled",) if peaks and all(peak.flags for peak in peaks) else ()
-            own = {"recording": self.recording, "direction": way, "balance_n": side.spread.mean_n}
+            own = {"recording": self.recording, "direction": way, "balance_n": side["spread"].mean_n}
             own |= {"position_from_m": self.window_m[0], "position_to_m": self.window_m[1]}
             columns = {name: getattr(self, name) for name in TABLES["lists"]["level"]}
-            columns |= {name: getattr(side, name) for name in TABLES["lists"]["side"]}
+            columns |= {name: side[name] for name in TABLES["lists"]["side"]}
             own |= {"labels": self.motion.recording.labels, "flags": ",".join((*self.flags, *spoiled))}
             rows.append(own | columns)
         return tuple(rows)

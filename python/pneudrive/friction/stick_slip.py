@@ -287,7 +287,7 @@ def slip_onsets(stuck: Bools, slipping: Bools) -> list[int]:
 def swing_of(position_m: Array, balance_n: Array, strokes: Sequence[motion.Stroke]) -> float:
     """Return the usual range of the balance in mid stroke, in N, without its lowest and highest 2 %."""
     parts = [part for stroke in strokes if (part := middle_of(stroke, position_m)) is not None]
-    return median([float(np.diff(motion.quantiles(balance_n[part], 0.02, 0.98))[0]) for part in parts])
+    return median([float(np.ptp(np.quantile(balance_n[part], (0.02, 0.98)))) for part in parts])
 
 
 def evenly_spaced(time_s: Array, *values: Array) -> tuple[Array, ...]:

@@ -1,6 +1,7 @@
 """Table of strokes: a row for each stroke of a speed class or cycle, with means over its settled samples.
 
-`Strokes` holds the rows and the balance of each stroke in position bins. `Side` combines the strokes of one direction.
+`Strokes` holds the rows and the balance of each stroke in position bins. `Strokes.sides` combines the strokes of one
+direction in one row.
 
 `RecordedMotion` is the motion of a recording: strokes, force balance, and the selected samples. Samples are selected
 after settling of the stroke (`Settled`), or by the source paper's protocol (`SourcePaper`).
@@ -13,9 +14,9 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from pneudrive.arrays import Array, Bools, Interval
+from pneudrive.arrays import Array, Bools, Interval, Row
 from pneudrive.friction import stick_slip
-from pneudrive.friction.bins import Grid, Profile, Spread, bin_means, known_mean, mean_profile, spread_of
+from pneudrive.friction.bins import Grid, Profile, bin_means, known_mean, mean_profile, spread_of
 from pneudrive.friction.sentences import sentence
 from pneudrive.friction.stick_slip import ReversalPeak, StickSlip, median
 from pneudrive.signals.motion import Stroke, find_strokes, local_slope, speed_levels, straight_line, thinned
@@ -155,7 +156,7 @@ class Strokes:
         counting = [row.stroke.direction if row.means else 0 for row in self.rows]
         return {way: [i for i, it in enumerate(counting) if it == way] for way in (1, -1) if way in counting}
 
-    def sides(self, *, uses_window: bool) -> tuple[dict[int, Side], Bools]:
+    def sides(self, *, uses_window: bool) -> tuple[dict[int, Row], Bools]:
         """Combine the strokes of each direction. The result is empty without usable strokes or common bins.
 
         Parameters
@@ -166,7 +167,19 @@ class Strokes:
         Returns
         -------
         dict
-            Direction -> its side.
+            Direction -> its row. The columns are
+
+            - `MEANS`, over the settled samples; ``parallel_n`` and ``late_n`` are the standard uncertainties of the
+              parallel forces, from their areas, and of the pressure force, from the times of the pressures
+            - ``samples``, ``strokes``, ``strokes_recorded``: used samples, used strokes, and all strokes
+            - ``used``, the used strokes, and ``spread``, the `Spread` of their means at equal positions
+            - ``pressure_moves_n``: usual range of the pressure force within a stroke
+            - ``breakaway_n``, ``dwell_s``, ``loading_rate_n_s``: medians of the preceding reversals, NaN without a
+              usable peak
+            - ``ripple``, ``period_s``, ``step_m``: standard deviation of speed over its mean; period and travel of one
+              stick-slip, NaN without stick-slip
+            - ``piston_ripple``: ripple of the piston behind the rig's spring, NaN with an unknown stiffness
+            - ``stick_slip``.
         ndarray of bool, shape (bins,)
             Bins of the window covered by all present directions, so that means are over equal positions.
         """
@@ -189,73 +202,23 @@ class Strokes:
             piston = [row.slip[1] for row in some if row.slip and row.slip[1] is not None]
             sliding = max((axis, piston), key=lambda slips: sum(slip.found for slip in slips))
             is_slipping = bool(sliding) and sum(slip.found for slip in sliding) > 0.5 * len(sliding)
-            sides[way] = Side(
-                **{name: float(columns[name].mean()) for name in MEANS},
-                samples=int(columns["samples"].sum()),
-                strokes=len(rows),
-                strokes_recorded=sum(row.stroke.direction == way for row in self.rows),
-                used=tuple(row.stroke for row in some),
-                spread=spread_of(means_n),
-                pressure_moves_n=float(np.median(columns["pressure_moves_n"])),
-                breakaway_n=median([peak.friction_n for peak in peaks if not peak.flags]),
-                dwell_s=median([row.stroke.dwell_s for row in some if row.stroke.index > 0]),
-                loading_rate_n_s=median([p.loading_rate_n_s for p in peaks if np.isfinite(p.loading_rate_n_s)]),
-                ripple=median([slip.ripple for slip in axis]),
-                period_s=median([slip.period_s for slip in sliding if is_slipping]),
-                step_m=median([slip.step_m for slip in sliding if is_slipping]),
-                piston_ripple=median([slip.ripple for slip in piston]),
-                stick_slip=is_slipping,
-            )
+            sides[way] = {name: float(columns[name].mean()) for name in MEANS} | {
+                "samples": int(columns["samples"].sum()),
+                "strokes": len(rows),
+                "strokes_recorded": sum(row.stroke.direction == way for row in self.rows),
+                "used": tuple(row.stroke for row in some),
+                "spread": spread_of(means_n),
+                "pressure_moves_n": float(np.median(columns["pressure_moves_n"])),
+                "breakaway_n": median([peak.friction_n for peak in peaks if not peak.flags]),
+                "dwell_s": median([row.stroke.dwell_s for row in some if row.stroke.index > 0]),
+                "loading_rate_n_s": median([p.loading_rate_n_s for p in peaks if np.isfinite(p.loading_rate_n_s)]),
+                "ripple": median([slip.ripple for slip in axis]),
+                "period_s": median([slip.period_s for slip in sliding if is_slipping]),
+                "step_m": median([slip.step_m for slip in sliding if is_slipping]),
+                "piston_ripple": median([slip.ripple for slip in piston]),
+                "stick_slip": is_slipping,
+            }
         return sides, bins
-
-
-@dataclass(frozen=True, eq=False)
-class Side:
-    """The strokes of one direction of a speed level or a cycle.
-
-    Attributes
-    ----------
-    force_n, pressure_a_pa, pressure_b_pa, velocity_m_s : float
-        Means over the settled samples.
-    samples, strokes, strokes_recorded : int
-        Used samples, used strokes, and all strokes of the direction.
-    used : tuple of Stroke
-    spread : Spread
-        Spread of the means of the strokes at equal positions.
-    pressure_moves_n : float
-        Usual range of the pressure force within a stroke.
-    breakaway_n, dwell_s, loading_rate_n_s : float
-        Medians of the preceding reversals. NaN without a usable peak.
-    ripple, period_s, step_m : float
-        Standard deviation of speed over its mean; period and travel of one stick-slip (NaN without stick-slip).
-    piston_ripple : float
-        `ripple` of the piston's speed behind the rig's spring. NaN if the stiffness of the spring is unknown.
-    stick_slip : bool
-    parallel_n, late_n : float
-        Standard uncertainties of the parallel forces, from their areas, and of the pressure force, from the times of
-        the pressures.
-    """
-
-    force_n: float
-    pressure_a_pa: float
-    pressure_b_pa: float
-    velocity_m_s: float
-    samples: int
-    strokes: int
-    strokes_recorded: int
-    used: tuple[Stroke, ...]
-    spread: Spread
-    pressure_moves_n: float
-    breakaway_n: float
-    dwell_s: float
-    loading_rate_n_s: float
-    ripple: float
-    period_s: float
-    step_m: float
-    piston_ripple: float
-    stick_slip: bool
-    parallel_n: float = 0.0
-    late_n: float = 0.0
 
 
 def stroke_grid(

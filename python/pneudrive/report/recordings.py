@@ -369,9 +369,9 @@ def _values(found: Characterisation) -> Iterator[ShownValue]:
     for count, level in ((len(result.levels), level) for result in found.results for level in result.levels):
         label = level.recording if count == 1 else f"{level.recording}#{level.index + 1}"
         for way, sign in ways.items():
-            speed = abs(level.sides[way].velocity_m_s) if way in level.sides else math.nan
+            speed = abs(level.sides[way]["velocity_m_s"]) if way in level.sides else math.nan
             yield ShownValue(f"{label}.speed{sign}", label, f"speed {sign}", speed, "m/s")
-        used = sum(side.strokes for side in level.sides.values())
+        used = sum(side["strokes"] for side in level.sides.values())
         yield ShownValue(f"{label}.strokes", label, "strokes", f"{used} of {len(level.table.rows)}")
         values = {"friction": (level.friction_n, level.expanded_n)}
         values |= {"offset": (level.offset_n, COVERAGE_FACTOR * level.u_offset_n)}

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import polars as pl
@@ -91,7 +90,7 @@ def test_what_the_certificate_leaves_open_is_named_in_the_budget():
     t = np.linspace(0.0, 1.0, 50)
     recording = Recording("run", t, t, 40.0 * np.sign(t - 0.5), 1e5, 1e5, 5e-4, 5e-4, force_calibration=known)
     still = {"pressure_a_pa": 1e5, "pressure_b_pa": 1e5, "parallel_n": 0.0, "late_n": 0.0}
-    up, down = (SimpleNamespace(force_n=f, velocity_m_s=v, **still) for f, v in ((45.0, 0.1), (-35.0, -0.1)))
+    up, down = ({"force_n": f, "velocity_m_s": v} | still for f, v in ((45.0, 0.1), (-35.0, -0.1)))
     lines = {e.source: e for e in systematic_budget(recording, up, down) if e.source.startswith("force: ")}
     friction = {name: (e.friction_n, e.offset_n) for name, e in lines.items()}
     third = 1.0 / np.sqrt(3.0)

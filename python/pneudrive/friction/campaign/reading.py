@@ -36,7 +36,7 @@ from pneudrive.friction.bins import Grid, bin_means, grid_of, known_mean, mean_p
 from pneudrive.friction.budget import stated_shares, usual_range
 from pneudrive.friction.friction_map import CYCLE_COLUMNS, LEVELS, SAME_PA, TABLES, Condition, Skipped
 from pneudrive.friction.stick_slip import swing_of
-from pneudrive.friction.strokes import RecordedMotion, SampleChoice, Side, Strokes, stroke_rows
+from pneudrive.friction.strokes import RecordedMotion, SampleChoice, Strokes, stroke_rows
 from pneudrive.repr_tables import Shown
 from pneudrive.rig.interface import SHARED, Hold, Identity, Move, Samples
 from pneudrive.signals.recording import Recording
@@ -51,7 +51,7 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 SAME_SPEED = 0.1  # largest difference of the speeds of strokes in one cycle
 WAYS = np.array([1, -1])  # directions, in the order of the columns of both
-#: Columns of both directions, shape (n, 2): those of `Side`, then those of `cycle_row`.
+#: Columns of both directions, shape (n, 2): those of `Strokes.sides`, then those of `cycle_row`.
 OF_SIDES: list[str] = TABLES["lists"]["sides"]
 #: Columns over position bins, shape (n, 2, bins): force balance (see `Recording.balance_n`), and the part from the
 #: chamber pressures, p_a A_a - p_b A_b - p_ambient (A_a - A_b). NaN without settled samples.
@@ -135,7 +135,7 @@ def reduce_cycle(motion: RecordedMotion, edges_m: Array) -> Row:
 def cycle_row(
     motion: RecordedMotion,
     grid: Grid,
-    sides: Mapping[int, Side],
+    sides: Mapping[int, Row],
     rows: Mapping[int, Array],
 ) -> Row:
     """Return the row of a cycle, or of a speed level, from its reduced strokes.
@@ -157,18 +157,18 @@ def cycle_row(
     sampled = (motion.balance_n, motion.balance_n**2, air_n)
     of_sides = {}
     for way, side in sides.items():
-        bins = grid.edges_m, [stroke.samples for stroke in side.used], motion.settled
+        bins = grid.edges_m, [stroke.samples for stroke in side["used"]], motion.settled
         balance, squares, air = (bin_means(motion.position_m, values, *bins) for values in sampled)
         profile = mean_profile(rows[way])
         covered = np.isfinite(profile)
         variances = (squares - balance**2)[covered]
-        known = vars(side.spread) | vars(side)
+        known = vars(side["spread"]) | side
         of_sides[way] = {
             **{name: known[name] for name in OF_SIDES if name in known},
             "balance_n": profile,
             "air_n": np.where(covered, air, np.nan),
             "scatter_n": np.sqrt(max(variances.mean(), 0.0)),
-            "swing_n": swing_of(motion.position_m, motion.balance_n, side.used),
+            "swing_n": swing_of(motion.position_m, motion.balance_n, side["used"]),
         }
     return {
         "sides": of_sides,
@@ -708,12 +708,12 @@ def reading_of(found: Characterisation) -> CampaignData:
     rows = []
     for i, (result, level) in enumerate(members):
         recording, kept = result.recording, {id(row.stroke) for row in level.kept}
-        used = {way: tuple(s for s in side.used if id(s) in kept) for way, side in level.sides.items()}
+        used = {way: tuple(s for s in side["used"] if id(s) in kept) for way, side in level.sides.items()}
         balance = {way: stroke_rows(result, strokes, grid) for way, strokes in used.items() if strokes}
         ways = [way for way, values in balance.items() if np.isfinite(values).any()]
         if not ways:
             continue
-        sides = {way: replace(level.sides[way], used=used[way]) for way in ways}
+        sides = {way: level.sides[way] | {"used": used[way]} for way in ways}
         a, b = (recording.ambient_pressure_pa + float(pressures[side][i]) for side in "ab")
         plan = {
             "key": recording.name if len(result.levels) == 1 else f"{recording.name}#{level.index + 1}",

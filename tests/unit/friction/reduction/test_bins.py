@@ -62,7 +62,7 @@ def test_a_well_sampled_peak_is_measured(make, offset):
     a = np.linspace(0.0, 2e-3, 2001)
     truth = (5 * (1 - 2 * np.exp(-a / 1e-4)) + PEAK * np.exp(-a / DECAY) * (1 - np.exp(-a / 1e-4))).max()
     assert np.median([p.friction_n for p in good]) == pytest.approx(truth, abs=0.1 if offset == 0.0 else 0.55)
-    assert level.sides[1].dwell_s == pytest.approx(0.5, abs=0.05)
+    assert level.sides[1]["dwell_s"] == pytest.approx(0.5, abs=0.05)
     assert all(p.loading_rate_n_s > 100 for p in good)
     for row in level.rows:
         assert row["breakaway_n"] == pytest.approx(truth, abs=0.1 if offset == 0.0 else 0.55)
