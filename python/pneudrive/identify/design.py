@@ -14,7 +14,7 @@ from pneudrive.errors import FitError, nearest
 from pneudrive.estimate.autocorrelation import distinct_levels
 from pneudrive.estimate.design import DesignSpace, exchange, information, within_budget
 from pneudrive.estimate.estimates import rms, student
-from pneudrive.friction.pressure import MINIMUM_RANGE_PA
+from pneudrive.friction.characterisation import MINIMUM_RANGE_PA
 from pneudrive.identify.identified import sentence
 from pneudrive.identify.static import model as sliding
 from pneudrive.identify.static.diagnose import choose_model, with_knee

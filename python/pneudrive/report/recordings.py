@@ -17,8 +17,8 @@ from pneudrive import figures
 from pneudrive.errors import RecordingError
 from pneudrive.figures import THIN, Axis, Band, Figure, Line, Look, Markers, Panel, Rule, look, ramp, stack, thin
 from pneudrive.friction.budget import COVERAGE_FACTOR
+from pneudrive.friction.characterisation import MINIMUM_RANGE_PA, NET, ClosureFit, PressureLine
 from pneudrive.friction.friction_map import ALL_RECORDINGS, MapGroup, bar, group_of, groups_of
-from pneudrive.friction.pressure import MINIMUM_RANGE_PA, NET, ClosureFit, PressureLine
 from pneudrive.friction.sentences import flag_findings
 from pneudrive.identify.static.result import FrictionFit
 from pneudrive.numbers import fixed, plain

@@ -267,31 +267,14 @@ def corrected(cycles: CycleTable, gain: Gain) -> CycleTable:
     )
 
 
-@dataclass(frozen=True)
-class PressureZero:
-    """Zero of the transducer of one chamber.
+def pressure_zeros(identity: Identity, tares: CycleTable) -> dict[str, Row]:
+    """Return chamber ("a", "b") -> zero of its transducer, for transducers with a stated accuracy.
 
-    Attributes
-    ----------
-    blocks : dict
-        Block -> zero, in Pa, that is subtracted from its cycles; empty if unknown.
-    mean_pa, stderr_pa : float
-        Mean over all usable zero runs. The standard uncertainty comes from noise and from the scatter of zero runs.
-    tares : int
-        Number of usable zero runs.
-    unusable : dict
-        Key of a statement -> key of the zero run with this fault -> deviation from ambient, or change, in Pa.
+    ``tares`` is the number of usable zero runs. ``unusable`` has the key of a statement -> key of the zero run with
+    this fault -> deviation from ambient, or change, in Pa. With usable zero runs, ``blocks`` has each block -> zero, in
+    Pa, that is subtracted from its cycles; ``mean_pa`` is the mean over all runs, and ``stderr_pa`` its standard
+    uncertainty from noise and from the scatter of the runs.
     """
-
-    blocks: dict[int, float] = field(default_factory=dict)
-    mean_pa: float = np.nan
-    stderr_pa: float = np.nan
-    tares: int = 0
-    unusable: dict[str, dict[str, float]] = field(default_factory=dict)
-
-
-def pressure_zeros(identity: Identity, tares: CycleTable) -> dict[str, PressureZero]:
-    """Return chamber ("a", "b") -> zero of its transducer, for transducers with a stated accuracy."""
     found = {}
     for side in "ab":
         accuracy = identity.accuracy.get(f"pressure_{side}_pa", 0.0)
@@ -303,19 +286,19 @@ def pressure_zeros(identity: Identity, tares: CycleTable) -> dict[str, PressureZ
         far = ~unsteady & (np.abs(off) > REACH * accuracy)
         faults = {"zero.pressure_far": (far, off), "zero.pressure_unsteady": (unsteady, change)}
         unusable = {name: by_name(seen["key"][some].tolist(), values[some]) for name, (some, values) in faults.items()}
-        found[side], good = PressureZero(unusable=unusable), ~(far | unsteady)
-        if good.any():
-            block = seen["block"]
-            offs = {b: off[good & (block == b)] for b in dict.fromkeys(block[good].tolist())}
-            values = np.concatenate(list(offs.values()))
-            scatter = np.std(values, ddof=1) if values.size > 1 else 0.0
-            stderr = float(np.hypot(rms(seen[f"open_{side}_stderr_pa"][good]), scatter) / np.sqrt(values.size))
-            means = {b: float(np.mean(some)) for b, some in offs.items()}
-            found[side] = PressureZero(means, float(np.mean(values)), stderr, values.size, unusable)
+        seen, off = seen.at(~(far | unsteady)), off[~(far | unsteady)]
+        found[side] = {"tares": off.size, "unusable": unusable}
+        if off.size:
+            noise, scatter = rms(seen[f"open_{side}_stderr_pa"]), np.std(off, ddof=1) if off.size > 1 else 0.0
+            found[side] |= {
+                "blocks": {block: float(off[seen["block"] == block].mean()) for block in set(seen["block"].tolist())},
+                "mean_pa": float(off.mean()),
+                "stderr_pa": float(np.hypot(noise, scatter) / np.sqrt(off.size)),
+            }
     return found
 
 
-def without_zeros(cycles: CycleTable, zeros: dict[str, PressureZero], identity: Identity) -> CycleTable:
+def without_zeros(cycles: CycleTable, zeros: dict[str, Row], identity: Identity) -> CycleTable:
     """Subtract the pressure zeros of the block, or otherwise their mean, from cycles and zero runs.
 
     After this correction, a zero run shows only the zero of the force sensor.
@@ -323,14 +306,14 @@ def without_zeros(cycles: CycleTable, zeros: dict[str, PressureZero], identity: 
     The accuracy of a transducer then only contains its gain error, which grows with the reading. If the range is not
     stated, it is assumed to be the smallest usual range that contains the highest pressure of the campaign.
     """
-    known = {side: zero for side, zero in zeros.items() if zero.tares}
+    known = {side: zero for side, zero in zeros.items() if zero["tares"]}
     if not known or not len(cycles):
         return cycles
     area, ambient = {"a": identity.area_a_m2, "b": -identity.area_b_m2}, identity.ambient_pressure_pa
     blocks, variance = cycles["block"].tolist(), cycles["u_offset_n"] ** 2
     off = {}
     for side, zero in known.items():
-        off[side] = np.array([zero.blocks.get(block, zero.mean_pa) for block in blocks])
+        off[side] = np.array([zero["blocks"].get(block, zero["mean_pa"]) for block in blocks])
     force = sum((area[side] * value for side, value in off.items()), np.zeros(len(cycles)))
     vented = np.isfinite(cycles["open_a_pa"]) | np.isfinite(cycles["open_b_pa"])
     shown = {f"pressure_{side}_pa": cycles[f"pressure_{side}_pa"] - value[:, None] for side, value in off.items()}
@@ -478,7 +461,7 @@ class CampaignData:
     about: Row = field(default_factory=dict)
     files: tuple[CycleFile, ...] = ()
     gain: Gain = field(default_factory=Gain)
-    pressure_zeros: dict[str, PressureZero] = field(default_factory=dict)
+    pressure_zeros: dict[str, Row] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
 
 

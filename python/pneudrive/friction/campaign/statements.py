@@ -162,9 +162,9 @@ def _drift(found: CampaignCharacteristics, fits: Fits) -> Iterator[Statement]:
 def _directions(found: CampaignCharacteristics, reading: CampaignData) -> Iterator[Statement]:
     """Return statements on the zeros of the sensors and on the difference of the directions."""
     for chamber, zero in reading.pressure_zeros.items():
-        if zero.tares:
-            yield say("zero.pressure", chamber=chamber, zero=zero, expanded=2 * zero.stderr_pa)
-        for fault, tares in zero.unusable.items():
+        if zero["tares"]:
+            yield say("zero.pressure", chamber=chamber, zero=zero, expanded=2 * zero["stderr_pa"])
+        for fault, tares in zero["unusable"].items():
             if tares:
                 several = named(f"{key}: {value:+.3g} Pa" for key, value in tares.items())
                 yield say(fault, chamber=chamber, count=len(tares), named=several)

@@ -20,8 +20,8 @@ from pneudrive.arrays import Array, Interval, NamedIntervals, by_name
 from pneudrive.errors import FitError, nearest
 from pneudrive.estimate.autocorrelation import distinct_levels, weak_coordinates
 from pneudrive.estimate.estimates import changed, intervals, profile_interval, student
+from pneudrive.friction.characterisation import CONFOUNDED, MINIMUM_RANGE_PA
 from pneudrive.friction.friction_map import ALL_RECORDINGS, assemblies_of
-from pneudrive.friction.pressure import CONFOUNDED, MINIMUM_RANGE_PA
 from pneudrive.identify.identified import sentence
 from pneudrive.identify.static import diagnose as selection
 from pneudrive.identify.static import model as sliding
