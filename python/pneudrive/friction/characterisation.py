@@ -59,15 +59,12 @@ def _speed_with_pressure(found: Characterisation) -> float:
     level = ("recording", "friction_n")  # the rows of a level have its friction
     rows = pl.DataFrame({n: found.friction_map[n].to_numpy().tolist() for n in (*level, "direction", "velocity_m_s")})
     points, strongest = rows.join(found.table, on=level, maintain_order="left"), 0.0
+    speed, both = pl.col("velocity_m_s").abs(), pl.col("speed", "pressure_pa")
     for way in (1, -1):
-        own = points.filter(pl.col("direction") == way)
-        seals, scatter = own["seal"].to_numpy(), own["speed_stderr_m_s"].to_numpy()
-        values = np.column_stack([own["velocity_m_s"].abs(), own["pressure_pa"]])
-        has_changed = False
-        for seal in set(seals):
-            members = seals == seal
-            has_changed |= changed(values[members, 0], float(np.median(scatter)))
-            values[members] -= values[members].mean(axis=0)
+        own = points.filter(pl.col("direction") == way).with_columns(speed=speed)
+        seals, scatter = own.partition_by("seal"), own["speed_stderr_m_s"].to_numpy()
+        has_changed = any(changed(seal["speed"].to_numpy(), float(np.median(scatter))) for seal in seals)
+        values = own.select(both - both.mean().over("seal")).to_numpy()
         if len(own) >= 3 and has_changed and np.ptp(values[:, 1]) > MINIMUM_RANGE_PA:
             strongest = max(strongest, float(np.corrcoef(values.T)[0, 1]), key=abs)
     return strongest

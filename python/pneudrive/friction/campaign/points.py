@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pneudrive.arrays import Array, Bools, Columns, Ints, Row
-from pneudrive.estimate.autocorrelation import cells, levels, means, moderate, stderrs_of_means
+from pneudrive.estimate.autocorrelation import cells, levels, means, moderate, stderr_of_mean
 from pneudrive.friction.bins import known_mean, pair_stderr
 from pneudrive.friction.budget import chance_n
 from pneudrive.friction.campaign.reading import CampaignData, CycleTable
@@ -166,12 +166,8 @@ def reduce(cycles: CycleTable, edges_m: Array, steady: Bools) -> tuple[Row, Colu
     for name, rest in rests.items():
         # The scatter of strokes is that of the balance: the air's force alone has only its noise.
         own = np.full(len(cycles), np.nan) if name == "air" else scatter
-        used, scaled = _used(rest, common), spare * rest
-        count, noise = used.sum(axis=1), np.zeros(len(cycles))
-        for number in np.unique(count[count > 0]).tolist():
-            members = count == number
-            noise[members] = stderrs_of_means(scaled[members][used[members]].reshape(-1, number))
-        stderr = chance_n(own, noise)
+        noise = [stderr_of_mean(row[used]) for row, used in zip(spare * rest, _used(rest, common), strict=True)]
+        stderr = chance_n(own, np.array(noise))
         known = stderr > 0.0
         if known.sum() >= ENOUGH_CYCLES:  # shrunk towards its trend over speed
             freedom = np.full(known.sum(), FREEDOM_PER_CYCLE)

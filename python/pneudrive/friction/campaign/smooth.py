@@ -162,18 +162,16 @@ class CurveFit:
         nothing = np.zeros((len(self.data), self.fit.model.x.shape[1]))
         return mixed.Functionals(self.fit, nothing, walk, walk).predict()
 
-    def at(self, curve: int, speed_m_s: Array) -> mixed.Functionals:
-        """Return the curve at these speeds as linear functions of the model, in the unit of the response."""
-        data, at = self.data, (speed_m_s, np.full(speed_m_s.size, curve, dtype=np.int64))
+    def at(self, curve: Ints | int, speed_m_s: Array) -> mixed.Functionals:
+        """Return one curve, or the curve of each speed, as linear functions in the unit of the response."""
+        data, at = self.data, (speed_m_s, np.broadcast_to(curve, speed_m_s.shape))
         fixed = data.fixed(*at, observed=False)[:, data.kept]
         return mixed.Functionals(self.fit, fixed, data.kernels(at, (data.speed_m_s, data.curve)), data.kernels(at, at))
 
     def steady(self) -> Array:
         """Return the curve at each observation, in the unit of the response; NaN without a curve (shape (n,))."""
-        found = np.full(len(self.data), np.nan)
-        for number in range(self.data.curve.max() + 1):
-            members = self.data.curve == number
-            found[members] = self.at(number, self.data.speed_m_s[members]).predict().mean
+        found, on = np.full(len(self.data), np.nan), self.data.curve >= 0
+        found[on] = self.at(self.data.curve[on], self.data.speed_m_s[on]).predict().mean
         return found
 
 
