@@ -328,13 +328,11 @@ def _trend(values: Array, x: Array, most: int) -> tuple[Array, float]:
 
 
 def _inverse_trigamma(x: float) -> float:
+    """Return y with trigamma(y) = x, by Newton's method on 1 / trigamma [smyth2004]."""
+    from scipy.optimize import newton
     from scipy.special import polygamma
 
-    y = 0.5 + 1.0 / x
-    for _ in range(50):
-        tri = polygamma(1, y)
-        step = tri * (1.0 - tri / x) / polygamma(2, y)
-        y += step
-        if -step / y < 1e-10:
-            break
-    return float(y)
+    def slope(y: float) -> float:
+        return -polygamma(2, y) / polygamma(1, y) ** 2
+
+    return float(newton(lambda y: 1.0 / polygamma(1, y) - 1.0 / x, 0.5 + 1.0 / x, slope, tol=1e-300, rtol=1e-10))

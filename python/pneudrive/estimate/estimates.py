@@ -281,19 +281,17 @@ class Transforms:
             x[self.excess] = max(x[self.excess] - base, self.least_excess * max(abs(base), 1e-12))
         q = x / self.size
         q[self._log] = np.log((x - self.lower)[self._log])
-        if self._odds.any():
-            low, high = self.lower[self._odds], self.upper[self._odds]
-            inside = np.clip(x[self._odds], low + MARGIN * (high - low), high - MARGIN * (high - low))
-            q[self._odds] = np.log((inside - low) / (high - inside))
+        low, high = self.lower[self._odds], self.upper[self._odds]
+        inside = np.clip(x[self._odds], low + MARGIN * (high - low), high - MARGIN * (high - low))
+        q[self._odds] = np.log((inside - low) / (high - inside))
         return q
 
     def natural(self, q: Array) -> Array:
         """Return the values at the coordinates of one point, shape (p,), or of many points, shape (n, p)."""
         x = self.size * q
         x[..., self._log] = self.lower[self._log] + _exp(q[..., self._log])
-        if self._odds.any():
-            low, high = self.lower[self._odds], self.upper[self._odds]
-            x[..., self._odds] = low + (high - low) * (1.0 / (1.0 + _exp(-q[..., self._odds])))
+        low, high = self.lower[self._odds], self.upper[self._odds]
+        x[..., self._odds] = low + (high - low) * (1.0 / (1.0 + _exp(-q[..., self._odds])))
         if self.excess is not None:
             x[..., self.excess] += self._base(x)
         return x
@@ -302,9 +300,8 @@ class Transforms:
         """Return the derivatives (p, p) of the values with respect to the coordinates."""
         slope = self.size.copy()
         slope[self._log] = _exp(q[self._log])
-        if self._odds.any():
-            share = 1.0 / (1.0 + _exp(-q[self._odds]))
-            slope[self._odds] = (self.upper - self.lower)[self._odds] * share * (1.0 - share)
+        share = 1.0 / (1.0 + _exp(-q[self._odds]))
+        slope[self._odds] = (self.upper[self._odds] - self.lower[self._odds]) * share * (1.0 - share)
         out = np.diag(slope)
         if self.excess is not None and isinstance(self.over, int):
             out[self.excess, self.over] = slope[self.over]

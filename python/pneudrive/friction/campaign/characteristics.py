@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import polars as pl
 
-from pneudrive.arrays import by_name, evenly
+from pneudrive.arrays import attributes_of, by_name, evenly
 from pneudrive.batching import many_objects
 from pneudrive.campaign.storage.folder import Campaign
 from pneudrive.estimate.estimates import Estimate, mean_estimate, one_thread
@@ -181,13 +181,10 @@ def _characterise(reading: CampaignData, choice: SampleChoice) -> CampaignCharac
     for name, values in measured.items():
         ranges[name] = tuple(float(end.reduce(values, axis=None, initial=np.nan)) for end in (np.fmin, np.fmax))
     found = CampaignCharacteristics(
-        name=reading.name,
+        **attributes_of(reading, "name", "about", "identity", "skipped"),
         folder=reading.source,
-        about=reading.about,
-        identity=rig,
         protocol=choice.name,
         cycles=cycles,
-        skipped=reading.skipped,
         flags=dict(Counter(flag for flags in cycles["flags"].to_list() for flag in flags)),
         zero=campaign_curves.sensor_zero(reading.tares),
         ranges=Ranges(**ranges),

@@ -26,7 +26,7 @@ from typing import TYPE_CHECKING, Self, TypeVar
 
 import numpy as np
 
-from pneudrive.arrays import Array, Bools, Row, by_name, evenly
+from pneudrive.arrays import Array, Bools, Row, attributes_of, by_name, evenly
 from pneudrive.batching import many_objects, share_out
 from pneudrive.campaign.storage.folder import Campaign, CycleFile, Head, read_samples, recording_of, steps_of
 from pneudrive.errors import CampaignError, PneudriveError, RecordingError
@@ -548,7 +548,7 @@ def _plans(files: Sequence[CycleFile], rows: dict[str, Row]) -> dict[str, Row]:
                 way += abs(step.to_m - at) if at is not None else 0.0
                 at = step.to_m
         plans[cycle.key] = {
-            **{name: getattr(cycle, name) for name in ("key", "kind", "block", "repeat")},
+            **attributes_of(cycle, "key", "kind", "block", "repeat"),
             "index": head.index,
             "day": known.index(date) + 1 if date else 1,
             "condition": condition_of(head),
@@ -709,7 +709,7 @@ def reading_of(found: Characterisation) -> CampaignData:
     return CampaignData(
         name="recordings",
         source=next((r.source.parent for r in found.recordings if r.source is not None), Path()),
-        identity=Identity(name="recordings", **{field: getattr(found.recordings[0], field) for field in SHARED}),
+        identity=Identity(name="recordings", **attributes_of(found.recordings[0], *SHARED)),
         sliding=CycleTable.of(rows, BINS),
         tares=CycleTable.of([], BINS),
         skipped=tuple(Skipped(key, "", why) for key, why in found.skipped),
