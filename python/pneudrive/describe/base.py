@@ -228,12 +228,7 @@ class Described(Shown, BaseModel):
 
     def to_dict(self) -> Plain:
         """Return the given values of the table in the form that users write. Defaults are left out."""
-        out: Plain = {}
-        for name, field in type(self).model_fields.items():
-            value = getattr(self, name)
-            if value is not None and name in self.model_fields_set:
-                out[field.alias or name] = as_tables(value, mark_of(field))
-        return out
+        return {key: as_tables(value, mark) for key, value, mark in self.entries(given=True)}
 
     def with_defaults(self) -> Plain:
         """Return the table in the form of `to_dict`, including the defaults."""
@@ -247,11 +242,11 @@ class Described(Shown, BaseModel):
         title = f"[{self.table_name}]" if self.table_name else type(self).__name__
         return Card(title, rows=rows)
 
-    def entries(self) -> Iterator[tuple[str, Any, Mark | None]]:
-        """Yield key, value and annotation of each field that is not None or empty."""
+    def entries(self, *, given: bool = False) -> Iterator[tuple[str, Any, Mark | None]]:
+        """Yield key, value and annotation of each field that is not None or empty, or only of the given fields."""
         for name, field in type(self).model_fields.items():
             value = getattr(self, name)
-            if value is not None and value != () and value != {}:
+            if value not in (None, (), {}) and (name in self.model_fields_set or not given):
                 yield field.alias or name, value, mark_of(field)
 
     def __dir__(self) -> list[str]:

@@ -356,7 +356,7 @@ def _mark(parameter: Keyed) -> Quantity | StatedPressure:
 
 
 def _size(key: str) -> Quantity:
-    return _SIZES[key.rpartition("_")[2]]
+    return next(mark for size, mark in marks.SIZES.items() if key.endswith(size))
 
 
 @lru_cache(maxsize=512)
@@ -419,7 +419,3 @@ _PULSES = "pwm_frequency"
 #: Keys of a spool.
 _SPOOL = ("frequency", "damping_ratio", "stroke_time", "delay", "hysteresis", "overlap", "leakage")
 _SWITCHES = 'A switching valve has time_on and time_off. For a spool, write kind = "valve/proportional-5/3".'
-
-
-#: Alternatives to the conductance as size of a flow path, by the last word of their key.
-_SIZES = {"flow": marks.NOMINAL_FLOW, "kv": marks.KV, "cv": marks.CV}

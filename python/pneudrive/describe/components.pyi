@@ -101,4 +101,3 @@ SWITCHED: dict[str, list[float]]
 _PULSES: str
 _SPOOL: Incomplete
 _SWITCHES: str
-_SIZES: Incomplete

@@ -45,13 +45,6 @@ class Bounds:
             return f"not more than {show(self.at_most)}"
         return None if math.isfinite(value) else "finite"
 
-    @property
-    def ends(self) -> Interval:
-        """Lower and upper bound, whether open or closed; infinite without a bound."""
-        low = self.above if self.at_least is None else self.at_least
-        high = self.below if self.at_most is None else self.at_most
-        return (-math.inf if low is None else low), (math.inf if high is None else high)
-
     def beyond(self, given: object, value: float) -> None:
         """Raise `DescriptionError` if a value exceeds the bound of `pneudrive.files.bounds` that `bound` names."""
         assert self.bound is not None
@@ -132,8 +125,10 @@ class Quantity(Mark):
 
     @property
     def ends(self) -> Interval:
-        """Lower and upper bound of the value in SI."""
-        return self.bounds.ends
+        """Lower and upper bound of the value in SI, whether open or closed; infinite without a bound."""
+        low, *_ = (end for end in (self.bounds.at_least, self.bounds.above, -math.inf) if end is not None)
+        high, *_ = (end for end in (self.bounds.at_most, self.bounds.below, math.inf) if end is not None)
+        return low, high
 
     def read(self, given: object) -> float:
         """Convert and check a quantity, or a number without a unit. A message gives bounds in the unit `written`."""
@@ -440,6 +435,7 @@ class PureNumber(Quantity):
 CONDUCTANCE = Quantity("m^3/(s Pa)", "dm3/(s bar)", POSITIVE)
 NOMINAL_FLOW = Quantity("m^3/s ANR", "l/min ANR", POSITIVE)
 KV, CV = PureNumber("", "Kv", POSITIVE, ("Kv", "m3/h")), PureNumber("", "Cv", POSITIVE, ("Cv",))
+SIZES = {"conductance": CONDUCTANCE, "nominal_flow": NOMINAL_FLOW, "kv": KV, "cv": CV}
 
 
 @dataclass(frozen=True)

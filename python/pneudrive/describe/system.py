@@ -28,8 +28,8 @@ if TYPE_CHECKING:
 PISTON = "cylinder"
 #: Names of a drive -> names of its circuit.
 DRIVE_NAMES = package_table(__file__, "drive_names.toml")
-#: Name in the circuit -> name of the drive, for components other than the cylinder.
-_OUTSIDE = {full: short for short, full in DRIVE_NAMES.items() if not full.startswith(f"{PISTON}.")}
+#: Name in the circuit -> name of the drive.
+_SHORT_NAMES = {full: short for short, full in DRIVE_NAMES.items()}
 
 
 class System(NamedTuple):
@@ -56,10 +56,10 @@ class System(NamedTuple):
         form : dict
             Tables of the drive file in SI, with units in the keys (`Drive.short_form`).
         """
-        cylinder, valve, load = dict(form["cylinder"]), dict(form["valve"]), dict(form.get("load", {}))
-        choices = {"chamber_law": cylinder.pop("chamber_law", "energy-balance")}
-        stops = {f"end_stop_{key}": value for key, value in cylinder.pop("end_stop", {}).items()}
-        kind, spring = cylinder.pop("kind"), load.pop("spring", None)
+        cylinder, valve, load = (dict(form[table]) for table in ("cylinder", "valve", "load"))
+        choices = {"chamber_law": cylinder.pop("chamber_law")}
+        stops = {f"end_stop_{key}": value for key, value in cylinder.pop("end_stop").items()}
+        kind, spring = cylinder.pop("kind"), load.pop("spring")
         components = [
             core_part("supply", "reservoir", form["supply"]),
             core_part("valve", f"valve/{valve.pop('kind')}", valve),
@@ -114,13 +114,7 @@ def short_name(name: str, piston: str = PISTON) -> str:
     ('pressure_a_pa', 'command', 'tube_a.mass_flow_kg_s')
     """
     of, _, last = name.partition(".")
-    if of == piston:
-        chamber, dot, rest = last.partition(".")
-        if not dot:
-            return last
-        quantity, _, unit = rest.rpartition("_") if not rest.endswith("_kg_s") else (rest[:-5], "", "kg_s")
-        return f"{quantity}_{chamber}_{unit}"
-    return _OUTSIDE.get(name, name)
+    return _SHORT_NAMES.get(f"{PISTON}.{last}", last) if of == piston else _SHORT_NAMES.get(name, name)
 
 
 class DescribedSystem(DescribedFile):

@@ -25,8 +25,8 @@ from pneudrive.describe.base import Described
 from pneudrive.describe.files import sourced, toml
 from pneudrive.describe.files.sourced import Value
 from pneudrive.describe.kinds import component_kinds, is_needed
-from pneudrive.describe.marks import Reads, Text
-from pneudrive.describe.tables.valve_flow import FLOW_KEYS, conductance_key, conductance_of
+from pneudrive.describe.marks import CONDUCTANCE, NOMINAL_FLOW, SIZES, Reads, Text
+from pneudrive.describe.tables.valve_flow import conductance_key, conductance_of
 from pneudrive.errors import DescriptionError, Problems, invalid, nearest, together, warn, wrong
 from pneudrive.references import entries as references
 
@@ -312,7 +312,6 @@ def _source(key: str | None, sources: Mapping[str, SourceTable], where: str) -> 
 
 # --- Parts of the catalogue by kind and size: bore, stroke, flow.
 
-CONDUCTANCE, NOMINAL_FLOW = "m^3/(s Pa)", "m^3/s ANR"
 #: Default critical pressure ratio of a part (assumed: that of a fitting), and usual subsonic index.
 ASSUMED_B, USUAL_INDEX = 0.3, 0.5
 #: Relative difference below which two values count as equal.
@@ -353,7 +352,7 @@ def find_parts(
             raise wrong("kind", f'the catalogue has no part of the kind "{kind}"', remedy=nearest(kind, kinds))
     for key, given in (("bore", bore), ("stroke", stroke), ("flow", flow)):
         if given is not None:
-            unit = "m" if key != "flow" else NOMINAL_FLOW if "ANR" in given else CONDUCTANCE
+            unit = "m" if key != "flow" else (NOMINAL_FLOW if "ANR" in given else CONDUCTANCE).si_unit
             if ".." in given:
                 low, high = units.parse_range(given, unit)
             else:
@@ -376,14 +375,10 @@ def _fits(entry: Entry, key: str, unit: str, low: float, high: float) -> bool:
 
 def _flow(own: Mapping[str, Any], unit: str) -> float | None:
     """Return the sonic conductance or the nominal flow of a part, as `unit` requires; None without a stated flow."""
-    before = next((before for before in ("", "needle_") if any(before + key in own for key in FLOW_KEYS)), None)
+    before = next((before for before in ("", "needle_") if any(before + key in own for key in SIZES)), None)
     if before is None:
         return None
     b, m = own.get("critical_pressure_ratio", ASSUMED_B), own.get("subsonic_index", USUAL_INDEX)
-    written = (CONDUCTANCE, NOMINAL_FLOW, "Kv", "Cv")
-    sizes = [
-        units.parse(own[before + key], of) if before + key in own else None
-        for key, of in zip(FLOW_KEYS, written, strict=True)
-    ]
+    sizes = [mark.read(own[before + key]) if before + key in own else None for key, mark in SIZES.items()]
     conductance = conductance_of(sizes, b, m)
-    return conductance if unit == CONDUCTANCE else conductance / conductance_of((None, 1.0, None, None), b, m)
+    return conductance if unit == CONDUCTANCE.si_unit else conductance / conductance_of((None, 1.0, None, None), b, m)

@@ -13,7 +13,7 @@ from pydantic import ModelWrapValidatorHandler, model_validator
 from pneudrive import _core, units
 from pneudrive.arrays import Plain
 from pneudrive.describe import marks
-from pneudrive.describe.base import Described, as_tables
+from pneudrive.describe.base import Described
 from pneudrive.describe.files import sourced
 from pneudrive.describe.formulas.law import FrictionLaw, law_of
 from pneudrive.describe.formulas.written import FILE_PREFIX
@@ -324,16 +324,16 @@ class Friction(Described):
 
     def to_dict(self) -> Plain:
         """Return the table in the form that users write."""
-        given = (entry for entry in self.entries() if entry[0] not in self.parameters or entry[0] in self.given)
-        out = {key: as_tables(value, mark) for key, value, mark in given}
+        out = super().to_dict()
         return out if self.formula is None else out | {"law": self.formula.to_dict()}
 
-    def entries(self) -> Iterator[tuple[str, Any, Quantity | StatedPressure | None]]:
+    def entries(self, *, given: bool = False) -> Iterator[tuple[str, Any, Quantity | StatedPressure | None]]:
         """Yield key, value and annotation of the law, then of its choices, parameters and modifiers."""
         yield "law", self.law, None
         yield from ((key, value, None) for key, value in self._given(CHOICES).items())
+        shown = self.given if given else self.parameters
         marks = parameter_quantities(self.entry)
-        yield from ((key, self.parameters[key], mark) for key, mark in marks.items() if key in self.parameters)
+        yield from ((key, self.parameters[key], mark) for key, mark in marks.items() if key in shown)
         yield from ((key, value, None) for key, value in self._given(DEPENDENCES).items())
 
     @classmethod

@@ -175,11 +175,7 @@ class Starts:
         for name in self.names:
             if name not in out:
                 of, _, last = name.rpartition(".")
-                if last == PRESSURE:
-                    out[name] = self._pressure(of, known, notes)
-                else:
-                    moves = last in (POSITION, VELOCITY)
-                    out[name] = self._moved(of, last, known) if moves else self._otherwise(of, last)
+                out[name] = self._pressure(of, known, notes) if last == PRESSURE else self._default(of, last, known)
         for platform in self.platforms:
             self._check_pose(platform, out, poses.get(platform.name, {}), {key for table in tables for key, _ in table})
         return out, notes
@@ -217,7 +213,7 @@ class Starts:
         DescriptionError
             A leg would leave its stroke, or its arm does not reach the pose.
         """
-        q, _ = platform.locate(np.array([[self._moved(leg, POSITION, {}) for leg in platform.legs]]))
+        q, _ = platform.locate(np.array([[self._default(leg, POSITION, {}) for leg in platform.legs]]))
         pose = angles(platform, np.asarray(q)[0])
         pose[list(given)] = list(given.values())
         q = coordinates(platform, pose)[None]
@@ -309,23 +305,20 @@ class Starts:
     def _stroke(self, of: str) -> float | None:
         return getattr(self.components.get(of), "stroke_m", None)
 
-    def _otherwise(self, of: str, last: str) -> float:
-        """Return the default of a start value: mid stroke, at rest, ambient temperature, or contact age zero."""
-        if last == TEMPERATURE:
-            return self.ambient.temperature_k
-        return 0.5 * (self._stroke(of) or 0.0) if last == POSITION else 0.0
-
-    def _moved(self, of: str, last: str, known: NamedNumbers) -> float:
-        """Return the start position or velocity of a mass.
+    def _default(self, of: str, last: str, known: NamedNumbers) -> float:
+        """Return the default of a start value: mid stroke, at rest, ambient temperature, or contact age zero.
 
         A mass without a stroke moves like the mass to which it is coupled.
         """
-        for name in self._moves_with(of):
+        for name in self._moves_with(of) if last in (POSITION, VELOCITY) else ():
             if f"{name}.{last}" in known:
                 return known[f"{name}.{last}"]
             if self._stroke(name) is not None and f"{name}.{last}" in self.names:
-                return self._otherwise(name, last)
-        return self._otherwise(of, last)
+                of = name
+                break
+        if last == TEMPERATURE:
+            return self.ambient.temperature_k
+        return 0.5 * (self._stroke(of) or 0.0) if last == POSITION else 0.0
 
     def _moves_with(self, of: str) -> Iterator[str]:
         """Yield a component or a port, then the components that move with it. The search ends at platforms."""
