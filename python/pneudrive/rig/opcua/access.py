@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import socket
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,7 +20,7 @@ from cryptography import x509
 from cryptography.hazmat.primitives.serialization import Encoding
 from pydantic import model_validator
 
-from pneudrive.describe.marks import Bounds, Quantity, Reads
+from pneudrive.describe.marks import NOT_NEGATIVE, Quantity, Reads
 from pneudrive.errors import CommandError, DescriptionError, RigError, wrong
 from pneudrive.rig.rig_file import RigFile
 
@@ -35,28 +36,32 @@ def _no_password(_: object) -> None:
     raise DescriptionError("the file has a password", rule="a rig file must not contain a password", remedy=remedy)
 
 
-def _variable(given: object) -> str:
-    """Read the name of an environment variable. A rig file may only name variables for passwords of rigs."""
-    if not isinstance(given, str) or not given.startswith(PREFIX):
-        rule = f"a rig file may send only variables whose names begin with {PREFIX}"
-        remedy = 'Write password_env = "PNEUDRIVE_RIG_PASSWORD".'
-        raise DescriptionError(f"{given!r} is not a variable for passwords of rigs", rule=rule, remedy=remedy)
-    return given
+def _text(pattern: str, name: str, rule: str, remedy: str | None = None) -> Reads:
+    """Return the annotation of a text that matches a pattern."""
+
+    def read(given: object) -> str:
+        if not isinstance(given, str) or not re.fullmatch(pattern, given):
+            raise DescriptionError(f"{given!r} is not {name}", rule=rule, remedy=remedy)
+        return given
+
+    return Reads(read)
 
 
-def _file_next_to_it(given: object) -> str:
-    """Read the name of a password file next to the rig file. A path is rejected, as it could lead to a private file."""
-    if not isinstance(given, str) or Path(given).name != given or given.startswith(("~", "..")) or "\\" in given:
-        rule = "the password file is in the folder of the rig file, and its name has no path"
-        remedy = 'Write password_file = "password.txt".'
-        raise DescriptionError(f"{given!r} is not the name of a password file", rule=rule, remedy=remedy)
-    return given
-
-
-def _address(given: object) -> str:
-    if not isinstance(given, str) or not given.startswith(f"{SCHEME}://") or "@" in given:
-        raise DescriptionError(f"{given!r} is not an address", rule=f"{SCHEME}://HOST:PORT, without user and password")
-    return given
+ADDRESS = _text(rf"{SCHEME}://[^@]*", "an address", f"{SCHEME}://HOST:PORT, without user and password")
+#: A rig file may only name variables for passwords of rigs.
+VARIABLE = _text(
+    rf"{PREFIX}[^\n]*",
+    "a variable for passwords of rigs",
+    f"a rig file may send only variables whose names begin with {PREFIX}",
+    'Write password_env = "PNEUDRIVE_RIG_PASSWORD".',
+)
+#: A path is rejected, as it could lead to a private file.
+PASSWORD_FILE = _text(
+    r"(?!~|\.\.|\.$)[^/\\]+",
+    "the name of a password file",
+    "the password file is in the folder of the rig file, and its name has no path",
+    'Write password_file = "password.txt".',
+)
 
 
 class OpcUaFile(RigFile):
@@ -67,13 +72,13 @@ class OpcUaFile(RigFile):
     connection.
     """
 
-    url: Annotated[str, Reads(_address)]
+    url: Annotated[str, ADDRESS]
     map: str | None = None
-    reconnect_s: Annotated[float, Quantity("s", bounds=Bounds(at_least=0.0))] = RECONNECT_S
+    reconnect_s: Annotated[float, Quantity("s", bounds=NOT_NEGATIVE)] = RECONNECT_S
     user: str | None = None
     password: Annotated[None, Reads(_no_password)] = None
-    password_file: Annotated[str | None, Reads(_file_next_to_it)] = None
-    password_env: Annotated[str | None, Reads(_variable)] = None
+    password_file: Annotated[str | None, PASSWORD_FILE] = None
+    password_env: Annotated[str | None, VARIABLE] = None
     user_certificate: str | None = None
     user_key: str | None = None
     certificate: str | None = None

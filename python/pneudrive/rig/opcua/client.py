@@ -6,7 +6,7 @@ import json
 import secrets
 import threading
 import weakref
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from time import monotonic, sleep
@@ -21,12 +21,12 @@ from pneudrive.files.content import parse_json
 from pneudrive.rig import Envelope, Hold, Identity, Move, RigState, Samples, Sampling
 from pneudrive.rig.interface import Step, envelope_of, identity_of
 from pneudrive.rig.opcua.access import SCHEME, OpcUaFile
-from pneudrive.rig.opcua.link import COUNTER, HungUpError, Link, LinkError
+from pneudrive.rig.opcua.link import COUNTER, Link, LinkError
 from pneudrive.rig.opcua.nodes import HOLD, RELEASED, SAMPLES, SAMPLING, SHUT, STATE, STEPS, Verb, load_map
 
 STOP_S = 10.0  # s; time in which stopping tries to reach a lost server
 FIRST_WAIT_S, LONGEST_WAIT_S = 0.1, 1.0
-AGAIN_S = (0.02, 0.1, 0.3)  # s; wait before connecting again after a server has closed a first connection
+FIRST_S = 0.5  # s; time for the first connection, as a server may have too many connections
 FIRST_LOOK_S = 0.0005
 SLACK = 1.5  # time limit of a command: this factor on the duration of its steps, plus the patience of the map
 
@@ -138,10 +138,12 @@ class OpcUaRig:
         with suppress(LinkError), self._starting:
             if self._link.lost is None:
                 self._run(Verb.STOP)
-        # Connecting again stops the axis, too.
-        if self._link.lost is not None and not self._back_within(min(STOP_S, self._link.file.reconnect_s)):
-            beat = self._nodes.handshake.heartbeat_s
-            raise RigError.of("rig.stop-lost", where=self._url, reason=self._link.lost, beat=beat)
+        if (reason := self._link.lost) is not None:
+            try:  # connecting again stops the axis, too
+                _within(min(STOP_S, self._link.file.reconnect_s), self._connect)
+            except LinkError:
+                beat = self._nodes.handshake.heartbeat_s
+                raise RigError.of("rig.stop-lost", where=self._url, reason=reason, beat=beat) from None
         self._known = self._link.number
 
     def _do(self, verb: Verb, steps: Sequence[Step] = (), arguments: Plain | None = None) -> None:
@@ -257,20 +259,10 @@ class OpcUaRig:
     def _reconnect(self, reason: str) -> None:
         """Connect again within the allowed time."""
         seconds, beat_s = self._link.file.reconnect_s, self._nodes.handshake.heartbeat_s
-        if not self._back_within(seconds):
-            raise RigError.of("rig.lost", where=self._url, reason=reason, seconds=seconds, beat=beat_s)
-
-    def _back_within(self, limit_s: float) -> bool:
-        """Connect again, with growing waits between attempts, and stop the rig; return whether it succeeded."""
-        deadline, wait = monotonic() + limit_s, FIRST_WAIT_S
-        while True:
-            with suppress(LinkError):
-                self._connect()
-                return True
-            if monotonic() + wait > deadline:
-                return False
-            sleep(wait)
-            wait = min(2.0 * wait, LONGEST_WAIT_S)
+        try:
+            _within(seconds, self._connect)
+        except LinkError:
+            raise RigError.of("rig.lost", where=self._url, reason=reason, seconds=seconds, beat=beat_s) from None
 
     def _connect(self) -> None:
         """Connect again to the same rig and bring it to rest, unless another thread has done so."""
@@ -345,14 +337,7 @@ def open_rig(file: OpcUaFile) -> OpcUaRig:
         raise RigError.of("rig.address", where=file.url, error=error) from None
     link = Link(file, load_map(file.map and file.beside(file.map)))
     try:
-        for wait_s in (*AGAIN_S, 0.0):
-            try:
-                link.connect()
-                break
-            except HungUpError:
-                if not wait_s:
-                    raise
-                sleep(wait_s)
+        _within(FIRST_S, link.connect)
         simulated = "simulation.abilities" in link.nodes and link.read("simulation.abilities")[0]
         return (SimulatedOpcUaRig if simulated else OpcUaRig)(link)
     except BaseException as error:
@@ -360,6 +345,21 @@ def open_rig(file: OpcUaFile) -> OpcUaRig:
         if not isinstance(error, LinkError):
             raise
         raise RigError.of("rig.unreachable", where=file.url, error=error) from None
+
+
+def _within(limit_s: float, connect: Callable[[], None]) -> None:
+    """Connect, with growing waits between attempts. If the time does not suffice, raise the last LinkError."""
+    deadline, wait = monotonic() + limit_s, FIRST_WAIT_S
+    while True:
+        try:
+            connect()
+        except LinkError:
+            if monotonic() + wait > deadline:
+                raise
+        else:
+            return
+        sleep(wait)
+        wait = min(2.0 * wait, LONGEST_WAIT_S)
 
 
 def _words(verb: Verb) -> str:

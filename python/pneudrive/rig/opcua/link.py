@@ -7,7 +7,7 @@ import logging
 import threading
 from collections.abc import Callable, Coroutine
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from time import monotonic, time
 from typing import Any, TypeVar
 
@@ -40,10 +40,6 @@ class LinkError(ConnectionError):
     """The connection is lost."""
 
 
-class HungUpError(LinkError):
-    """The server closed the connection, perhaps because it has too many connections."""
-
-
 @dataclass(frozen=True)
 class ServedNode:
     """Node on the connected server: id (or one for each slot), type, and length of an array (0: any)."""
@@ -51,7 +47,7 @@ class ServedNode:
     node: Node
     ids: tuple[Any, ...]
     type: Any
-    length: int
+    length: int = 0
 
     def to_raw(self, value: Any, ambient_pa: float) -> Any:  # noqa: ANN401
         """Convert a value in SI to a raw value, as an OPC UA variant. An array is padded to its length."""
@@ -185,10 +181,10 @@ class Link:
         except (OSError, TimeoutError, asyncio.TimeoutError) as error:
             await _hang_up(client)
             waited = isinstance(error, (TimeoutError, asyncio.TimeoutError))
-            hung_up = not waited and not getattr(error, "errno", None)  # the server did answer
-            says = " (a server is silent, or closes the connection, if server_certificate is not its certificate)"
-            hint = says if (waited or hung_up) and self.file.certificate is not None else ""
-            raise (HungUpError if hung_up else LinkError)(f"{_reason(error)}{hint}") from None
+            hint = " (a server is silent, or closes the connection, if server_certificate is not its certificate)"
+            if self.file.certificate is None or (getattr(error, "errno", None) and not waited):  # no server at all
+                hint = ""
+            raise LinkError(f"{_reason(error)}{hint}") from None
         return client
 
     async def _leave(self) -> None:
@@ -203,24 +199,16 @@ class Link:
     async def _find_nodes(self) -> None:
         """Read the type of each node, and the length of each array."""
         uris = await self._request(lambda client: client.get_namespace_array())
-        ids = {
-            name: tuple(_node_id(text, self.nodes.namespace, uris, self.url) for text in self.nodes.node_ids(name))
-            for name in self.nodes.nodes
-        }
-        flat = [(name, node_id) for name in ids for node_id in ids[name]]
-        values: dict[str, Any] = {}
-        for start in range(0, len(flat), NODES_A_REQUEST):
-            part = flat[start : start + NODES_A_REQUEST]
-            for (name, node_id), value in zip(part, await self._values([i for _, i in part]), strict=True):
-                self._good(value.StatusCode, name, node_id)
-                values[name] = value.Value
         for name, node in self.nodes.nodes.items():
-            variant = values.get(name)
-            kind, length = ua.VariantType[node.type], 0
-            if variant is not None and variant.VariantType is not ua.VariantType.Null:  # None: a constant
-                kind = variant.VariantType
-                length = len(variant.Value) if isinstance(variant.Value, list) else 0
-            self.served[name] = ServedNode(node, ids[name], kind, length)
+            ids = tuple(_node_id(text, self.nodes.namespace, uris, self.url) for text in self.nodes.node_ids(name))
+            self.served[name] = ServedNode(node, ids, ua.VariantType[node.type])
+        every = [(name, node_id) for name, node in self.served.items() for node_id in node.ids]
+        for start in range(0, len(every), NODES_A_REQUEST):
+            part = every[start : start + NODES_A_REQUEST]
+            for (name, _), variant in zip(part, await self._values(part), strict=True):
+                if variant.VariantType is not ua.VariantType.Null:
+                    length = len(variant.Value) if isinstance(variant.Value, list) else 0
+                    self.served[name] = replace(self.served[name], type=variant.VariantType, length=length)
 
     async def _start_heart(self) -> None:
         (self._stops,) = await self._read(("heartbeat.stops",))
@@ -249,29 +237,28 @@ class Link:
                 await _hang_up(client)
 
     async def _read(self, names: tuple[str, ...], slot: int = 0) -> list[Any]:
-        nodes = {name: self.served[name] for name in names}
-        ids = [node.ids[slot if name in IN_RING else 0] for name, node in nodes.items() if node.ids]
-        raw = iter(await self._values(ids) if ids else [])
-        answers = []
-        for name, served in nodes.items():
-            if not served.ids:
-                answers.append(served.node.constant)
-                continue
-            value = next(raw)
-            self._good(value.StatusCode, name, served.ids[0])
-            answers.append(served.node.to_si(value.Value.Value, self.ambient_pa))
-        return answers
+        nodes = [self.served[name] for name in names]
+        asked = [
+            (name, node.ids[slot if name in IN_RING else 0])
+            for name, node in zip(names, nodes, strict=True)
+            if node.ids  # otherwise a constant
+        ]
+        raw = iter(await self._values(asked) if asked else [])
+        return [node.node.to_si(next(raw).Value, self.ambient_pa) if node.ids else node.node.constant for node in nodes]
 
-    async def _values(self, ids: list[Any]) -> list[Any]:
-        return await self._request(lambda client: client.uaclient.read_attributes(ids, ua.AttributeIds.Value))
+    async def _values(self, asked: list[tuple[str, Any]]) -> list[Any]:
+        """Return the raw values of nodes, given by name and id."""
+        ids = [node_id for _, node_id in asked]
+        read = await self._request(lambda client: client.uaclient.read_attributes(ids, ua.AttributeIds.Value))
+        self._check(asked, [value.StatusCode for value in read])
+        return [value.Value for value in read]
 
     async def _write(self, values: dict[str, Any]) -> None:
         ids = [self.served[name].ids[0] for name in values]
         raw = [self.served[name].to_raw(value, self.ambient_pa) for name, value in values.items()]
         data = [ua.DataValue(value, StatusCode=None) for value in raw]  # PLCs reject writing of status or time stamp
         results = await self._request(lambda client: client.uaclient.write_attributes(ids, data, ua.AttributeIds.Value))
-        for name, node_id, status in zip(values, ids, results, strict=True):
-            self._good(status, name, node_id)
+        self._check(list(zip(values, ids, strict=True)), results)
 
     async def _request(self, request: Callable[[Any], Coroutine[Any, Any, Answer]]) -> Answer:
         """Send a request; any loss of the connection becomes a LinkError."""
@@ -281,11 +268,12 @@ class Link:
             return await request(self._client)
         except (OSError, TimeoutError, asyncio.TimeoutError, ua.UaError) as error:
             self.lost = self.lost or _reason(error)
-            raise HungUpError(self.lost) from None
+            raise LinkError(self.lost) from None
 
-    def _good(self, status: Any, name: str, node_id: Any) -> None:  # noqa: ANN401 - asyncua's types
-        if status is not None and not status.is_good():
-            raise RigError.of("rig.node", where=self.url, name=name, id=node_id.to_string(), status=status)
+    def _check(self, asked: list[tuple[str, Any]], statuses: list[Any]) -> None:
+        for (name, node_id), status in zip(asked, statuses, strict=True):
+            if status is not None and not status.is_good():
+                raise RigError.of("rig.node", where=self.url, name=name, id=node_id.to_string(), status=status)
 
 
 def _node_id(text: str, namespace: str, uris: list[str], url: str) -> Any:  # noqa: ANN401 - asyncua's node id

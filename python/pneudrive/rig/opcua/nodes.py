@@ -28,7 +28,7 @@ from pydantic import Field, create_model, model_validator
 
 from pneudrive.describe.base import Described
 from pneudrive.describe.files import toml
-from pneudrive.describe.marks import Bounds, Quantity, Reads, StatedPressure, Whole
+from pneudrive.describe.marks import POSITIVE, Quantity, Reads, StatedPressure, Whole
 from pneudrive.errors import DescriptionError, RigError, nearest, package_table, wrong
 from pneudrive.rig.interface import WORDS
 from pneudrive.signals.columns import column_unit
@@ -77,7 +77,7 @@ STATE, SAMPLES, SAMPLING = (
     for table in ("state", "samples", "sampling")
 )
 TYPES: dict[str, list[str]] = WORDS["types"]
-Duration = Annotated[float, Quantity("s", bounds=Bounds(above=0.0))]
+Duration = Annotated[float, Quantity("s", bounds=POSITIVE)]
 
 
 @dataclass(frozen=True)

@@ -53,10 +53,6 @@ ARGUMENTS = {
 }
 
 
-class Interrupted(Exception):  # noqa: N818 - not an error: halt, stop or a silent client
-    """The running command must end now."""
-
-
 class ServedSession(InternalSession):
     """Session on a served rig. Only one is active at a time. It may read all nodes and write the nodes of commands."""
 
@@ -139,8 +135,6 @@ class RigServer:
         #: Reason why the server has brought the rig to rest; empty for a new client and after an accepted command.
         self.fault = ""
         self.session: Any = None
-        low, high = rig.limits().position_m
-        self._slowest_m_s = (high - low) / LONGEST_STEP_S
         self._ambient_pa = rig.identity().ambient_pressure_pa
         self._loop = LoopThread()
         self._server: Any = None
@@ -259,11 +253,11 @@ class RigServer:
         if name is None:
             return ua.StatusCode(ua.StatusCodes.BadUserAccessDenied)
         node = self.nodes.nodes[name]
-        if variant is None or variant.Value is None or variant.VariantType is not ua.VariantType[node.type]:
+        raw = None if variant is None else variant.Value
+        is_of_type = raw is not None and variant.VariantType is ua.VariantType[node.type]
+        if not is_of_type or isinstance(raw, list) != node.kind.array:
             return ua.StatusCode(ua.StatusCodes.BadTypeMismatch)
-        raw, is_text = variant.Value, isinstance(variant.Value, str)
-        if isinstance(raw, list) != node.kind.array:
-            return ua.StatusCode(ua.StatusCodes.BadTypeMismatch)
+        is_text = isinstance(raw, str)
         too_long = np.size(raw) > self.nodes.handshake.steps or (is_text and len(raw) > LONGEST_TEXT)
         if too_long or not (is_text or np.isfinite(raw).all()):
             return ua.StatusCode(ua.StatusCodes.BadOutOfRange)
@@ -404,8 +398,6 @@ class RigServer:
         try:
             if not self._interrupted:
                 self._do(verb, arguments)
-        except Interrupted:
-            pass
         except PneudriveError as error:
             return self._interrupted or str(error)
         except Exception as error:
@@ -451,21 +443,23 @@ class RigServer:
 
     def _steps(self, arguments: Plain) -> list[Step]:
         """Read the steps from the arrays of a command. Each step may take at most a day."""
-        count = arguments["step.count"]
+        count, (low_m, high_m) = arguments["step.count"], self.rig.limits().position_m
+        slowest_m_s = (high_m - low_m) / LONGEST_STEP_S
         columns = [arguments[name] for name in ("step.kind", *STEPS) if name in arguments]
         most = min(map(len, columns))
         if not 0 <= count <= most:
             raise RigError(f"a program of {count} steps is out of bounds", rule=f"0 to {most} steps")
         steps: list[Step] = []
-        for kind, position_m, speed_m_s, duration_s, *weight_n in zip(
-            *(values[:count].tolist() for values in columns), strict=True
-        ):
-            if kind & HOLD and not 0.0 <= duration_s <= LONGEST_STEP_S:
-                raise RigError(f"a hold of {duration_s:g} s is out of bounds", rule=f"0 to {LONGEST_STEP_S:g} s")
-            if not kind & HOLD and speed_m_s < self._slowest_m_s:
-                raise RigError.of("rig.slow", speed=1e3 * speed_m_s, slowest=1e3 * self._slowest_m_s)
-            hold = Hold(duration_s, bool(kind & RELEASED), bool(kind & SHUT), *weight_n)
-            steps.append(hold if kind & HOLD else Move(position_m, speed_m_s))
+        rows = zip(*(values[:count].tolist() for values in columns), strict=True)
+        for kind, position_m, speed_m_s, duration_s, *weight_n in rows:
+            if kind & HOLD:
+                if not 0.0 <= duration_s <= LONGEST_STEP_S:
+                    raise RigError(f"a hold of {duration_s:g} s is out of bounds", rule=f"0 to {LONGEST_STEP_S:g} s")
+                steps.append(Hold(duration_s, bool(kind & RELEASED), bool(kind & SHUT), *weight_n))
+            else:
+                if speed_m_s < slowest_m_s:
+                    raise RigError.of("rig.slow", speed=1e3 * speed_m_s, slowest=1e3 * slowest_m_s)
+                steps.append(Move(position_m, speed_m_s))
         return steps
 
     def _acquire(self, arguments: Plain) -> None:
@@ -482,7 +476,7 @@ class RigServer:
             self._room.clear()
             await self._room.wait()
         if self._interrupted:
-            raise Interrupted
+            raise RigError(self._interrupted)
         self._samples_written += 1
         values = {name: getattr(chunk, field) for name, field in SAMPLES.items()}
         slot = self.nodes.slot_of(self._samples_written)
