@@ -22,10 +22,10 @@ from pneudrive import __version__
 from pneudrive.errors import CommandError, DescriptionError, nearest, package_table
 from pneudrive.files.content import check_file, rendered
 from pneudrive.files.writing import make_result_folder
-from pneudrive.fmu.variables import RTOL, FmuPlan, FmuVariable, plan_of
+from pneudrive.fmu.variables import FmuPlan, FmuVariable, plan_of
 from pneudrive.repr_tables import Shown
 from pneudrive.simulation.simulate import require
-from pneudrive.simulation.start import DriveOrCircuit, StartState, check_tolerance
+from pneudrive.simulation.start import DriveOrCircuit, StartState
 from pneudrive.simulation.trajectory import check_target, whole
 
 # --- Units in the form of FMI: exponents of base units, and the display unit.
@@ -69,7 +69,7 @@ def exponents(unit: str) -> dict[str, int]:
 
 # --- modelDescription.xml of FMI 2.0 and 3.0.
 
-TEMPLATE = Path(__file__).with_name("modelDescription.xml.j2")
+TEMPLATE, BUILD = (Path(__file__).with_name(f"{name}Description.xml.j2") for name in ("model", "build"))
 _STRUCTURED = re.compile(r"(der\()?[A-Za-z_]\w*(\.[A-Za-z_]\w*)*(\[\d+\])?\)?")
 #: Characters that are not allowed in XML, not even escaped.
 _FOREIGN = re.compile(r"[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
@@ -121,17 +121,6 @@ def description(plan: FmuPlan, version: str) -> bytes:
 def compiled_files(plan: FmuPlan, version: str) -> tuple[str, ...]:
     """Return the names of the C files of a controller that the importing tool compiles."""
     return (f"fmi{version[0]}.c", *(name for name, _ in plan.code if name.endswith(".c")))
-
-
-def build_description(plan: FmuPlan) -> bytes:
-    """Return sources/buildDescription.xml of FMI 3.0."""
-    root = ElementTree.Element("fmiBuildDescription", fmiVersion="3.0")
-    build = ElementTree.SubElement(root, "BuildConfiguration", modelIdentifier=plan.identifier)
-    files = ElementTree.SubElement(build, "SourceFileSet", language="C99")
-    for name in compiled_files(plan, "3.0"):
-        ElementTree.SubElement(files, "SourceFile", name=name)
-    ElementTree.indent(root)
-    return ElementTree.tostring(root, encoding="utf-8", xml_declaration=True)
 
 
 # --- Content of an FMU from its description: its version, inputs, outputs and parameters.
@@ -212,7 +201,6 @@ PLATFORMS = {
     "darwin": (".dylib", "darwin64", "x86_64-darwin"),
     "win32": (".dll", "win64", "x86_64-windows"),
 }
-_OK = 0
 
 
 def binary_name() -> str:
@@ -281,16 +269,14 @@ def try_plan(json: str, token: str, states: int) -> tuple[int, list[float]]:
     count, sizes = ctypes.c_size_t(), (ctypes.c_double * states)()
     try:
         start = (instance, False, ctypes.c_double(0.0), ctypes.c_double(0.0), False, ctypes.c_double(0.0))
-        done = instance.value is not None and all(
-            status == _OK
-            for status in (
+        if instance.value is None or any(  # a status other than 0 is an error
+            (
                 library.fmi3EnterInitializationMode(*start),
                 library.fmi3ExitInitializationMode(instance),
                 library.fmi3GetNumberOfEventIndicators(instance, ctypes.byref(count)),
                 library.fmi3GetNominalsOfContinuousStates(instance, sizes, ctypes.c_size_t(states)),
             )
-        )
-        if not done:
+        ):
             raise DescriptionError("the library rejects the drive: " + "; ".join(dict.fromkeys(messages)))
     finally:
         library.fmi3FreeInstance(instance)
@@ -304,19 +290,6 @@ _HERE = Path(__file__).parent / "sources"
 _CHECK = "conformance.txt"
 #: Compiler options that reproduce the results of the core bit by bit.
 _OPTIONS = ("-std=c99", "-O2", "-ffp-contract=off", "-fPIC", "-shared")
-
-
-def _variables(plan: FmuPlan) -> str:
-    """Return the C header that defines the names of the FMI interface for the types and functions of a controller."""
-    name = plan.identifier
-    counts = {kind: sum(one.causality == kind for one in plan.variables) for kind in ("input", "parameter", "output")}
-    types = "".join(f"typedef {name}_{own} model_{own};\n" for own in ("input", "parameters", "output", "memory"))
-    numbers = "".join(f"#define MODEL_{kind.upper()}S {count}\n" for kind, count in counts.items())
-    return (
-        f'/* Names of the controller {name} for its interface. */\n#include "{name}.h"\n\n{types}'
-        f"{numbers}#define MODEL_STEP {name}_step\n#define MODEL_TUNED {name}_tuned\n"
-        f'#define MODEL_PERIOD {plan.period_s!r}\n#define MODEL_TOKEN "{plan.token}"\n'
-    )
 
 
 def _compiled(files: dict[str, bytes], sources: tuple[str, ...]) -> bytes | None:
@@ -367,17 +340,10 @@ class FmuFile(Shown):
     notes: tuple[str, ...]
 
 
-def complete_plan(
-    drive: DriveOrCircuit,
-    initial: StartState,
-    rtol: float,
-    *,
-    actuator: bool = False,
-) -> FmuPlan:
+def complete_plan(drive: DriveOrCircuit, initial: StartState, *, actuator: bool = False) -> FmuPlan:
     """Return the plan of a drive with its event indicators, checked by the library."""
     require(drive, "core_json", "drive", 'pn.Drive.load("drive.toml")')
-    check_tolerance(rtol)
-    plan = plan_of(drive, initial, rtol=rtol, actuator=actuator)
+    plan = plan_of(drive, initial, actuator=actuator)
     states = [one.rate_of for one in plan.variables if one.rate_of]
     count, sizes = try_plan(plan.json(), plan.token, len(states))
     if actuator and count > 0:
@@ -397,7 +363,6 @@ def export_fmu(
     version: str = "2.0",
     actuator: bool = False,
     initial: StartState = None,
-    rtol: float = RTOL,
 ) -> FmuFile:
     """Write a drive or a circuit as a Functional Mock-up Unit for co-simulation and model exchange.
 
@@ -418,8 +383,6 @@ def export_fmu(
         is an output. This requires model exchange, and a friction law with bristles.
     initial : Initial, dict or str, optional
         Start state, as for `pneudrive.simulate`.
-    rtol : float
-        Relative tolerance of co-simulation, unless the other tool sets one.
 
     Returns
     -------
@@ -434,7 +397,7 @@ def export_fmu(
         The start state does not fit, or the drive cannot be an actuator.
     """
     target = check_fmu(path, version)
-    return write_fmu(complete_plan(drive, initial, rtol, actuator=actuator), target, version)
+    return write_fmu(complete_plan(drive, initial, actuator=actuator), target, version)
 
 
 def check_fmu(path: str | Path, version: str) -> Path:
@@ -453,11 +416,13 @@ def write_fmu(plan: FmuPlan, target: Path, version: str) -> FmuFile:
     else:  # without a C compiler no library is written, and the other tool compiles the code
         files = {name: text.encode() for name, text in plan.code}
         check = files.pop(_CHECK)
-        files["variables.h"] = _variables(plan).encode()
+        files["variables.h"] = rendered(_HERE / "variables.h.j2", {}, plan=plan, name=plan.identifier).encode()
         files |= {name: (_HERE / name).read_bytes() for name in ("instance.h", f"fmi{version[0]}.c")}
-        library = _compiled(files, compiled_files(plan, version))
+        compiled = compiled_files(plan, version)
+        library = _compiled(files, compiled)
         if version != "2.0":
-            files["buildDescription.xml"] = build_description(plan)
+            build = rendered(BUILD, {}, identifier=plan.identifier, files=compiled)
+            files["buildDescription.xml"] = build.rstrip().encode()
         entries = [(f"sources/{name}", content) for name, content in files.items()]
         entries.append((f"resources/{_CHECK}", check))
         entries += [] if library is None else [(place, library)]
@@ -476,13 +441,7 @@ def write_fmu(plan: FmuPlan, target: Path, version: str) -> FmuFile:
 HEADER, EXAMPLE, PLAN = "pneudrive.h", "example.c", "drive.json"
 
 
-def export_c(
-    drive: DriveOrCircuit,
-    folder: str | Path,
-    *,
-    initial: StartState = None,
-    rtol: float = RTOL,
-) -> tuple[Path, ...]:
+def export_c(drive: DriveOrCircuit, folder: str | Path, *, initial: StartState = None) -> tuple[Path, ...]:
     """Write a drive or a circuit for C programs: pneudrive.h, the library, drive.json and example.c.
 
     Parameters
@@ -492,8 +451,6 @@ def export_c(
         Created if it does not exist. Files with these names in it are replaced.
     initial : Initial, dict or str, optional
         Start state, as for `pneudrive.simulate`.
-    rtol : float
-        Relative tolerance of the solver.
 
     Returns
     -------
@@ -507,7 +464,7 @@ def export_c(
     DescriptionError
         The start state does not fit.
     """
-    plan = complete_plan(drive, initial, rtol)
+    plan = complete_plan(drive, initial)
     target, own = Path(folder), Path(__file__).parent
     library = binary_path().read_bytes()
     make_result_folder(target)

@@ -132,13 +132,7 @@ class FmuPlan:
         return f"{{{uuid.UUID(hashlib.sha256(text.encode()).hexdigest()[:32])}}}"
 
 
-def plan_of(
-    described: DriveOrCircuit,
-    initial: StartState = None,
-    *,
-    rtol: float = RTOL,
-    actuator: bool = False,
-) -> FmuPlan:
+def plan_of(described: DriveOrCircuit, initial: StartState = None, *, actuator: bool = False) -> FmuPlan:
     """Return the plan of an FMU.
 
     Parameters
@@ -146,8 +140,6 @@ def plan_of(
     described : Drive or Circuit
     initial : Initial, dict or str, optional
         Start state, as for `pneudrive.simulate`. Each of its values can be changed in the other tool.
-    rtol : float
-        Relative tolerance of co-simulation.
     actuator : bool
         Whether the other tool moves the piston: position and velocity are inputs, the force is an output.
 
@@ -167,7 +159,7 @@ def plan_of(
         next(one for one in form["components"] if one["name"] == "cylinder")["numbers"].pop("incline", None)
     start = described.circuit.core_initial(described.circuit_values(initial))
     age_s = described.core_initial(initial).get("contact_age_s", 0.0)
-    session = compiled(json.dumps(form, sort_keys=True)).start(start, rtol)
+    session = compiled(json.dumps(form, sort_keys=True)).start(start, RTOL)
     is_short = described.system.names is not None
     variables = [TIME]
     variables += _inputs(session, form, is_short, actuator)
@@ -183,7 +175,7 @@ def plan_of(
     names = [one.name for one in variables]
     assert len(set(names)) == len(names), "names of variables are unique"
     notes = (*compiled(described.circuit.core_json()).warnings, *described.assumed())
-    return FmuPlan(described.name, tuple(variables), form, start, rtol, actuator, notes)
+    return FmuPlan(described.name, tuple(variables), form, start, RTOL, actuator, notes)
 
 
 def _named(core: str, is_short: bool) -> tuple[str, str, str]:

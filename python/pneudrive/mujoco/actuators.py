@@ -3,30 +3,24 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from importlib import import_module
 from importlib.util import find_spec
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-from pneudrive import units
 from pneudrive._core import ControlSensors, close_step
+from pneudrive.arrays import Array, Columns, Keyed, NamedNumbers, Plain
 from pneudrive.control.setup import Setup, SetupOrFile, read_setup
 from pneudrive.describe.system import DRIVE_NAMES, PISTON, compiled
 from pneudrive.errors import CommandError, SimulationError, nearest, warn
 from pneudrive.simulation.command import Commands, inputs
 from pneudrive.simulation.session import Session
-from pneudrive.simulation.simulate import positive
+from pneudrive.simulation.simulate import number_of, positive
+from pneudrive.simulation.start import DriveOrCircuit
 from pneudrive.views import ShownValue, View, Viewed
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    from pneudrive.arrays import Array, Columns, Keyed, NamedNumbers, Plain
-    from pneudrive.describe import Circuit, Drive
-
-    Described = Drive | Circuit
 
 #: Relative tolerance of the chambers.
 RTOL = 1e-6
@@ -127,8 +121,7 @@ class Response:
 
     def gap(self) -> float:
         """Return the largest residual in m of an equality constraint at the last evaluated positions."""
-        ne = self.data.ne
-        return float(np.abs(self.data.efc_pos[:ne]).max()) if ne else 0.0
+        return np.abs(self.data.efc_pos[: self.data.ne]).max(initial=0.0)
 
 
 def _places(model: Any, ids: Array) -> Array | None:  # noqa: ANN401
@@ -252,7 +245,7 @@ class _Axis:
     def __init__(
         self,
         name: str,
-        described: Described,
+        described: DriveOrCircuit,
         initial: Any,  # noqa: ANN401
         setup: Setup,
         stiffness_n_m: float | None,
@@ -283,7 +276,7 @@ class _Axis:
             self.cylinder["numbers"]["incline"] = 0.0
         self.prefix = "" if own == PISTON and described.system.names else f"{own}."
         self.given = described.core_initial(initial)
-        self.stroke_m = float(self.cylinder["numbers"]["stroke"])
+        self.stroke_m = self.cylinder["numbers"]["stroke"]
 
     def start(self, position_m: float, mass_kg: float, seed: int) -> None:
         """Start at a position. The default end stops are designed for the mass that MuJoCo moves."""
@@ -294,17 +287,12 @@ class _Axis:
         own = {f"{of}{key}": at for of in movers for key, at in (("position_m", position_m), ("velocity_m_s", 0.0))}
         self.core = core.start({**self.given, **own}, RTOL)
         self.session = Session(self.core)
-        ambient_pa = float(self.form["ambient"]["pressure_pa"])
-        self.sensors = ControlSensors(json.dumps(self.setup.core(seed, ambient_pa)))
+        self.sensors = ControlSensors(json.dumps(self.setup.core(seed, self.form["ambient"]["pressure_pa"])))
         self.samples, self.sampled_s = 0, 0.0
 
     def column(self, name: str) -> str:
         """Return the name of a variable in the circuit from its name in a drive."""
         return name if not self.prefix else self.prefix + DRIVE_NAMES[name].removeprefix(f"{PISTON}.")
-
-
-def _number(given: str | float, unit: str) -> float:
-    return units.parse(given, unit) if isinstance(given, str) else float(given)
 
 
 class Actuators:
@@ -342,7 +330,7 @@ class Actuators:
     def __init__(
         self,
         model: Any,  # noqa: ANN401 - types of an extra
-        drives: Mapping[str, Described],
+        drives: Mapping[str, DriveOrCircuit],
         data: Any = None,  # noqa: ANN401
         *,
         zero: Mapping[str, str | float] | None = None,
@@ -357,8 +345,8 @@ class Actuators:
         self.model, self.names = model, tuple(drives)
         self._response = Response(model, self.names, data)
         self.data = self._response.data
-        self._zero = np.array([_number((zero or {}).get(name, 0.0), "m") for name in self.names])
-        stiff = {name: _number(own, "N/m") for name, own in (couplings or {}).items()}
+        self._zero = np.array([number_of((zero or {}).get(name, 0.0), "m", f"zero of {name}") for name in self.names])
+        stiff = {name: number_of(own, "N/m", f"coupling of {name}") for name, own in (couplings or {}).items()}
         known = read_setup(setup)[0]
         self._axes = [
             _Axis(name, own, (initial or {}).get(name), known, stiff.get(name)) for name, own in drives.items()
@@ -389,11 +377,11 @@ class Actuators:
                 what = f"{axis.name} starts at {1e3 * position:.6g} mm"
                 remedy = f"Move the model there, or set zero={{{axis.name!r}: ...}}."
                 raise CommandError(what, rule=f"within the stroke, 0 to {1e3 * axis.stroke_m:g} mm", remedy=remedy)
-            axis.start(min(max(position, 0.0), axis.stroke_m), 1.0 / float(mobility[i, i]), seed=i)
+            axis.start(min(max(position, 0.0), axis.stroke_m), 1.0 / mobility[i, i], seed=i)
         self.time = 0.0
         self._x = self._length = x
         self._cores = [axis.core for axis in self._axes]
-        h = float(self.model.opt.timestep)
+        h = self.model.opt.timestep
         v = self.data.actuator_velocity[self._response.ids]
         forces = [core.try_velocity(own, h) for core, own in zip(self._cores, v.tolist(), strict=True)]
         self._past = (np.concatenate([v, forces]),) * 3
@@ -430,7 +418,7 @@ class Actuators:
         Call it once at each sample of a controller, because lag and noise advance with each call.
         """
         axis = self._axis(name)
-        period = max(self.time - axis.sampled_s, float(self.model.opt.timestep))
+        period = max(self.time - axis.sampled_s, self.model.opt.timestep)
         truth = [axis.session.read(axis.column(signal)) for signal in SIGNALS]
         position, pressures = axis.sensors.sample(axis.samples, period, truth)
         axis.samples, axis.sampled_s = axis.samples + 1, self.time
@@ -453,7 +441,7 @@ class Actuators:
         SimulationError
             The simulation of a drive failed, or the step does not converge.
         """
-        h = float(self.model.opt.timestep)
+        h = self.model.opt.timestep
         n = len(self._axes)
         response = self._response
         until = self.time + h
@@ -469,7 +457,7 @@ class Actuators:
             lengths = response.step(forces) - self._zero
             if attempt:
                 moved = h * v
-                most = float(np.abs(lengths - self._x - moved).max())
+                most = np.abs(lengths - self._x - moved).max()
                 if most < CLOSED or most < SHARE * np.abs(moved).max() or (attempt >= RENEW_FROM and most < ENOUGH):
                     break
             if attempt >= RENEW_FROM:
@@ -499,7 +487,7 @@ class Actuators:
     def report(self) -> StepReport:
         """Quality of the steps since the last reset."""
         steps = max(self._steps, 1)
-        step = float(self.model.opt.timestep)
+        step = self.model.opt.timestep
         work, missed = float(self._work.sum()), float(self._missed.sum())
         return StepReport(self._steps, step, *self._gaps, work, missed, self._trials / steps)
 

@@ -147,7 +147,7 @@ class Platform(Viewed):
     def traced(self, pose: Pose) -> Array:
         """Return a point for each pose: tip of the platform's normal, or its origin without tilts (m, shape (m, 3))."""
         frame = self.evaluate(pose)["frame"]
-        return np.asarray(frame[:, 0] + self.normal_m * frame[:, 3], dtype=float)
+        return frame[:, 0] + self.normal_m * frame[:, 3]
 
     def reach(self) -> Array:
         """Return the points of `traced` that are farthest in each direction in the workspace (m, shape (k, 3))."""
@@ -212,7 +212,7 @@ class Platform(Viewed):
             Rates of the coordinates in m/s and rad/s.
         """
         rows = np.atleast_2d(self.pose(pose))
-        u = np.zeros_like(rows) if rates is None else np.atleast_2d(np.asarray(rates, dtype=float))
+        u = np.zeros_like(rows) if rates is None else np.array(rates, dtype=float, ndmin=2)
         slopes = self._slopes(rows)
         own = self.core.evaluate(starts.coordinates(self.core, rows), u * slopes)
         across = slopes[:, None, :]
@@ -280,8 +280,7 @@ class Platform(Viewed):
         pose = self.pose(pose)
         own = self.evaluate(pose)
         transposed = np.swapaxes(own["jacobian"], -1, -2)
-        held = np.asarray(np.linalg.solve(transposed, own["forces"][..., None])[..., 0], dtype=float)
-        return held.reshape(pose.shape)
+        return np.linalg.solve(transposed, own["forces"][..., None]).reshape(pose.shape)
 
     def dynamics(self, pose: Pose, rates: ArrayLike, accelerations: ArrayLike) -> LegDynamics:
         """Return motion, force and moving mass of each leg along a motion of the platform: the inverse dynamics.
@@ -295,7 +294,7 @@ class Platform(Viewed):
             First and second time derivatives of the coordinates of the pose.
         """
         rows = np.atleast_2d(self.pose(pose))
-        rates, accelerations = (np.atleast_2d(np.asarray(one, dtype=float)) for one in (rates, accelerations))
+        rates, accelerations = (np.array(one, dtype=float, ndmin=2) for one in (rates, accelerations))
         q, u, second = self.core_motion(rows, rates, accelerations)
         own = self.core.evaluate(q, u)
         jacobian = own["jacobian"]
@@ -423,9 +422,7 @@ def _limit(platform: Platform, k: int, sign: float) -> Limit:
     wrong = next((i for i, pose in enumerate(poses) if _reason(platform, pose)), None)
     if wrong is None:
         return Limit(float(poses[-1, k]), "none found")
-    if wrong == 0:
-        return Limit(float(platform.home[k]), _reason(platform, poses[0]))
-    inside, outside = poses[wrong - 1], poses[wrong]
+    inside, outside = poses[max(wrong - 1, 0)], poses[wrong]
     for _ in range(HALVINGS):
         middle = 0.5 * (inside + outside)
         inside, outside = (inside, middle) if _reason(platform, middle) else (middle, outside)
@@ -514,7 +511,7 @@ def motion_of(platform: Platform, columns: Mapping[str, Array]) -> tuple[Array, 
     missing = next((name for row in names for name in row if name not in columns), None)
     if missing is not None:
         raise CommandError.of("platforms.missing-column", missing=missing, platform=platform)
-    pose, rate, acceleration = (np.column_stack([np.asarray(columns[name]) for name in row]) for row in names)
+    pose, rate, acceleration = (np.column_stack([columns[name] for name in row]) for row in names)
     return pose, rate, acceleration
 
 

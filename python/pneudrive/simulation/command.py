@@ -8,7 +8,7 @@ import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from numbers import Real
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeAlias, cast
+from typing import TYPE_CHECKING, TypeAlias, cast
 
 from pneudrive import units
 from pneudrive.describe.marks import Positions, Signal
@@ -59,38 +59,51 @@ def steps(command: Command, times: Sequence[float] | None = None, signal: Comman
     >>> steps("0 s: 0.6, 1 s: -0.6")
     ((0.0, 1.0), (0.6, -0.6))
     """
-    places: list[str] = []  # file and line of each entry
     if isinstance(command, str):
         # `isfile` is False for a text that is no name of a file.
         is_file = command.lower().endswith(".csv") or (":" not in command and os.path.isfile(command))  # noqa: PTH113
         command = Path(command) if is_file else _entries(command)
-    if isinstance(command, Path):
-        command, places = _lines(command)
-    elif isinstance(command, Real):
+    if isinstance(command, Real):
         command = [(0.0, float(command))]
     elif callable(command):
         command = [(time, command(time)) for time in times or (0.0,)]
-    if not isinstance(command, Iterable):
+    elif not isinstance(command, Iterable | Path):
         raise CommandError(f"the command has the type {type(command).__name__}", remedy=f"Give {FORMS}.")
-    pairs = []
-    for number, pair in enumerate(command):
-        where = places[number] if places else None
+    pairs: list[tuple[float, float]] = []
+    for where, pair in _lines(command) if isinstance(command, Path) else ((None, pair) for pair in command):
         try:
             time, value = pair
         except (TypeError, ValueError):
-            entry = {"number": number + 1, "pair": pair, "forms": FORMS}
+            entry = {"number": len(pairs) + 1, "pair": pair, "forms": FORMS}
             raise CommandError.of("simulation.command-entry", where=where, **entry) from None
-        if isinstance(time, str) and not places:
-            with naming("a time of the command"):
-                time = units.parse(time, "s")  # in s
-        if isinstance(value, str) and value.split()[1:] and not places:  # a voltage or a current
-            electrical = signal.signal if isinstance(signal, Positions) else signal
-            if electrical is None:
-                raise CommandError.of("simulation.no-electrical-input", given=value)
-            value = electrical.opening(value)  # in [-1, 1]
-        at = _number(time, "time", where)
-        pairs.append((at, _number(value, f"command at {at:g} s:", where)))
-    return _checked(pairs, signal, places)
+        at, value = _entry(time, value, where, signal)
+        if not pairs and at != 0.0:
+            raise CommandError(f"the command begins at {at:g} s", where=where, rule="the first entry is at 0 s")
+        if pairs and not at > (before := pairs[-1][0]):
+            raise CommandError(f"{at:g} s follows {before:g} s in the command", where=where, rule="times increase")
+        pairs.append((at, value))
+    if not pairs:
+        raise CommandError("the command is empty", rule="the first entry is at 0 s")
+    return tuple(at for at, _ in pairs), tuple(value for _, value in pairs)
+
+
+def _entry(time: float | str, value: float | str, where: str | None, signal: CommandInput) -> tuple[float, float]:
+    """Return time in s and command of an entry. `where` is the line of a file, in which numbers have no units."""
+    if isinstance(time, str) and not where:
+        with naming("a time of the command"):
+            time = units.parse(time, "s")
+    if isinstance(value, str) and value.split()[1:] and not where:  # a voltage or a current
+        electrical = signal.signal if isinstance(signal, Positions) else signal
+        if electrical is None:
+            raise CommandError.of("simulation.no-electrical-input", given=value)
+        value = electrical.opening(value)
+    at = _number(time, "time", where)
+    opening = _number(value, f"command at {at:g} s:", where)
+    if not abs(opening) <= 1.0:
+        raise CommandError.of("simulation.command-out-of-range", where=where, given=opening, time=at)
+    if isinstance(signal, Positions):
+        signal.check(opening, f"command = {opening:g} at {at:g} s", where)
+    return at, opening
 
 
 def plans(
@@ -206,8 +219,8 @@ def _entries(text: str) -> list[tuple[str, str]]:
     return pairs
 
 
-def _lines(path: Path) -> tuple[list[Any], list[str]]:
-    """Return times and values in a command file as texts, and the line of each pair."""
+def _lines(path: Path) -> list[tuple[str, list[str]]]:
+    """Return the lines of a command file: file and line number, and time and value as texts."""
     if not exists(path):
         raise CommandError(f"there is no command file {path}")
     text = read_text(path, CommandError)
@@ -219,26 +232,7 @@ def _lines(path: Path) -> tuple[list[Any], list[str]]:
         raise CommandError.of("simulation.command-header", where=where, lines=first.strip())
     if not entries:
         raise CommandError(f"{path} has no entries", rule="the first entry is at 0 s")
-    return [line.strip().split(",") for _, line in entries], [where for where, _ in entries]
-
-
-def _checked(pairs: Sequence[tuple[float, float]], signal: CommandInput, places: Sequence[str]) -> Steps:
-    if not pairs:
-        raise CommandError("the command is empty", rule="the first entry is at 0 s")
-    before = -math.inf
-    for i, (time, value) in enumerate(pairs):
-        where = places[i] if places else None
-        if i == 0 and time != 0.0:
-            raise CommandError(f"the command begins at {time:g} s", where=where, rule="the first entry is at 0 s")
-        if not time > before:
-            raise CommandError(f"{time:g} s follows {before:g} s in the command", where=where, rule="times increase")
-        if not abs(value) <= 1.0:
-            raise CommandError.of("simulation.command-out-of-range", where=where, given=value, time=time)
-        if isinstance(signal, Positions):
-            signal.check(value, f"command = {value:g} at {time:g} s", where)
-        before = time
-    times, values = zip(*pairs, strict=True)
-    return times, values
+    return [(where, line.strip().split(",")) for where, line in entries]
 
 
 def _number(given: object, what: str, where: str | None = None) -> float:

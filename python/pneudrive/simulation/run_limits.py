@@ -9,6 +9,8 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+import numpy as np
+
 from pneudrive.constants import AIR_GAS_CONSTANT_J_KG_K, MOLAR_GAS_CONSTANT_J_MOL_K, ZERO_CELSIUS_K
 from pneudrive.describe.tables.parts import CAPACITY_CELSIUS, CAPACITY_EXCESS, VIRIAL
 from pneudrive.describe.tables.starts import angles, coordinates, pose_text
@@ -70,11 +72,9 @@ def gas_volumes(columns: Keyed) -> Iterator[GasVolume]:
 
 def _gas_limits(described: DriveOrCircuit, time_s: Any, places: list[GasVolume]) -> Iterator[str]:  # noqa: ANN401 - array or column
     """Yield a warning for a high pressure, for a hot gas, and for a gas that deviates from its gas law."""
-    import numpy as np
-
     high = [place for place in places if place.pressure_pa.max() > HIGHEST_PA]
     if high:
-        worst = max(high, key=lambda place: float(place.pressure_pa.max()))
+        worst = max(high, key=lambda place: place.pressure_pa.max())
         when = time_s[int(worst.pressure_pa.argmax())]
         rest = [place.name for place in high if place is not worst]
         others = f" (also {', '.join(rest[:3])}{', ...' if len(rest) > 3 else ''})" if rest else ""
@@ -89,9 +89,9 @@ def _gas_limits(described: DriveOrCircuit, time_s: Any, places: list[GasVolume])
     # Heat capacity of the hottest gas: the model has a constant one.
     excesses = CAPACITY_EXCESS.get(name)
     if excesses is not None and places:
-        worst = max(places, key=lambda place: float(place.temperature_k.max()))
-        hottest = float(worst.temperature_k.max())
-        excess = float(np.interp(hottest - ZERO_CELSIUS_K, CAPACITY_CELSIUS, excesses))
+        worst = max(places, key=lambda place: place.temperature_k.max())
+        hottest = worst.temperature_k.max()
+        excess = np.interp(hottest - ZERO_CELSIUS_K, CAPACITY_CELSIUS, excesses)
         if excess > CAPACITY_OFF:
             when = time_s[int(worst.temperature_k.argmax())]
             yield (
@@ -105,7 +105,7 @@ def _gas_limits(described: DriveOrCircuit, time_s: Any, places: list[GasVolume])
     deviation, off = None, 0.0
     for place in places:
         for row in {int(place.pressure_pa.argmax()), int(place.temperature_k.argmin())}:
-            pressure, temperature = float(place.pressure_pa[row]), float(place.temperature_k[row])
+            pressure, temperature = place.pressure_pa[row], place.temperature_k[row]
             second = 1e-6 * (a - b * math.exp(c / max(temperature, 60.0)))  # coefficient B [libretexts-virial]
             share = second * pressure / (MOLAR_GAS_CONSTANT_J_MOL_K * temperature)
             if abs(share) > max(abs(off), most):
@@ -129,13 +129,11 @@ def _celsius(temperature_k: float, digits: int = 1) -> str:
 
 def _mechanical_limits(circuit: Circuit, columns: Keyed) -> Iterator[str]:
     """Yield a warning for each piston that leaves its stroke, and for each platform that passes a singular pose."""
-    import numpy as np
-
     for name, component in circuit.components.items():
         position = columns.get(f"{name}.position_m")
         if component.kind != "piston" or position is None:
             continue
-        stroke = float(component.stroke_m)  # type: ignore[attr-defined] - of this kind
+        stroke = component.stroke_m  # type: ignore[attr-defined] - of this kind
         beyond = np.maximum(-position, position - stroke)
         row = int(beyond.argmax())
         if beyond[row] > ROUNDED * stroke:
@@ -183,8 +181,6 @@ def saturation_pressure(temperature_k: Array | float) -> Array:
     >>> float(saturation_pressure(293.15).round(1))
     2332.6
     """
-    import numpy as np
-
     t = np.asarray(temperature_k, dtype=float) - ZERO_CELSIUS_K
     over_water, over_ice = (a * np.exp(b * t / (c + t)) for a, b, c in (WATER, ICE))
     return np.where(t >= 0.0, over_water, over_ice)
@@ -208,22 +204,20 @@ def _water(described: DriveOrCircuit, columns: Keyed, places: list[GasVolume]) -
 
     All gas is assumed to come from the supply.
     """
-    import numpy as np
-
     if (share := water_share(described)) is None:
         return
     for place in places:
         time_s = columns["time_s"]
         # Wall temperature: a column for a wall that stores heat, otherwise a number.
         own = place.column.partition(".")[0] if "." in place.column else "cylinder"
-        wall_k = columns.get(f"{own}.wall_temperature_k") if "." in place.column else None
+        wall_k = columns.get(f"{own}.wall_temperature_k")
         wall_k = getattr(described.circuit.components[own], "wall_temperature_k", None) if wall_k is None else wall_k
         wall_k = described.ambient.temperature_k if wall_k is None else wall_k
         vapour, saturated = share * place.pressure_pa, saturation_pressure(place.temperature_k)
         on_wall = vapour / saturation_pressure(wall_k)
         at = int(on_wall.argmax())
         if on_wall[at] > SATURATED:
-            wall = float(np.broadcast_to(wall_k, vapour.shape)[at])
+            wall = np.broadcast_to(wall_k, vapour.shape)[at]
             what = "ice may form" if wall < ZERO_CELSIUS_K else "water may condense"
             yield (
                 f"{what} on the wall of {place.name}: {_when(time_s[at], place.pressure_pa[at])}, the gas has the "
@@ -232,7 +226,7 @@ def _water(described: DriveOrCircuit, columns: Keyed, places: list[GasVolume]) -
         in_gas = vapour / saturated
         at = int(in_gas.argmax())
         if in_gas[at] > SATURATED:
-            gas, in_exhaust = float(place.temperature_k[at]), share * described.ambient.pressure_pa / saturated
+            gas, in_exhaust = place.temperature_k[at], share * described.ambient.pressure_pa / saturated
             what = "fog or ice" if gas < ZERO_CELSIUS_K else "fog"
             outside = " and in its exhaust" if in_exhaust.max() > SATURATED else ""
             yield (
@@ -244,7 +238,7 @@ def _water(described: DriveOrCircuit, columns: Keyed, places: list[GasVolume]) -
 def water_share(drive: DriveOrCircuit) -> float | None:
     """Return the molar fraction of water vapour in the gas. None without a dew point."""
     pressure, dew = drive.dew_point_pressure_pa, drive.gas.dew_point_k
-    return None if pressure is None or dew is None else float(saturation_pressure(dew)) / pressure
+    return None if pressure is None or dew is None else saturation_pressure(dew) / pressure
 
 
 def _when(time_s: float, pressure_pa: float) -> str:
@@ -252,7 +246,7 @@ def _when(time_s: float, pressure_pa: float) -> str:
 
 
 def _point(vapour_pressure_pa: float) -> str:
-    dew = dew_point(float(vapour_pressure_pa))
+    dew = dew_point(vapour_pressure_pa)
     return f"{'frost' if dew < ZERO_CELSIUS_K else 'dew'} point {_celsius(dew)}"
 
 
@@ -289,7 +283,7 @@ class ExhaustAir:
         Gas with this dew point at `supply_pa` is saturated over ice at `ambient_pa` and `mean_k`, or at 0 degC if
         `mean_k` is higher. Both pressures are absolute.
         """
-        return dew_point(float(saturation_pressure(min(self.mean_k, ZERO_CELSIUS_K))) * supply_pa / ambient_pa)
+        return dew_point(saturation_pressure(min(self.mean_k, ZERO_CELSIUS_K)) * supply_pa / ambient_pa)
 
 
 def exhaust_air(columns: Keyed, ambient_pa: float) -> ExhaustAir | None:
@@ -302,8 +296,6 @@ def exhaust_air(columns: Keyed, ambient_pa: float) -> ExhaustAir | None:
     ambient_pa : float
         Absolute ambient pressure in Pa.
     """
-    import numpy as np
-
     mass, heat, coldest, exhausts = 0.0, 0.0, math.inf, 0
     time = columns["time_s"]
     for pressure, temperature, flow in _chambers(columns):
@@ -312,7 +304,7 @@ def exhaust_air(columns: Keyed, ambient_pa: float) -> ExhaustAir | None:
         mass, heat = mass + own, heat + np.trapezoid(leaving * temperature, time)
         out = leaving > 1e-3 * leaving.max(initial=0.0)
         coldest = min(coldest, temperature[out].min(initial=math.inf))
-        gauge = (pressure - ambient_pa) / max(float(pressure.max()) - ambient_pa, 1.0)
+        gauge = (pressure - ambient_pa) / max(pressure.max() - ambient_pa, 1.0)
         full = gauge[(gauge > FULL) | (gauge < EMPTY)] > FULL
         exhausts += int(np.sum(full[:-1] & ~full[1:]))
     return ExhaustAir(float(heat / mass), float(coldest), exhausts) if mass > 0.0 else None
@@ -320,15 +312,15 @@ def exhaust_air(columns: Keyed, ambient_pa: float) -> ExhaustAir | None:
 
 def _ice(described: DriveOrCircuit, columns: Keyed) -> Iterator[str]:
     """Yield a note if ice can form in the silencer: exhaust air below 0 degC on average, and supply not dry enough."""
-    if all(float(columns[name].min()) >= ZERO_CELSIUS_K for name in columns if "temperature" in name):
+    if all(columns[name].min() >= ZERO_CELSIUS_K for name in columns if "temperature" in name):
         return
     air = exhaust_air(columns, described.ambient.pressure_pa)
     if air is None or air.exhausts < LEAST_EXHAUSTS or air.mean_k >= ZERO_CELSIUS_K:
         return
-    reached = max(float(pressure.max()) for pressure, *_ in _chambers(columns))
+    reached = max(pressure.max() for pressure, *_ in _chambers(columns))
     supply = described.dew_point_pressure_pa or getattr(described, "supply_pressure_pa", reached)
     frost, share = air.frost_k(described.ambient.pressure_pa, supply), water_share(described)
-    if share is not None and share * supply < float(saturation_pressure(frost)):
+    if share is not None and share * supply < saturation_pressure(frost):
         return
     mean, coldest, dry = (_celsius(kelvin, 0) for kelvin in (air.mean_k, air.coldest_k, frost))
     yield (

@@ -3,19 +3,15 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
+from pneudrive.arrays import Keyed
 from pneudrive.constants import ANR_DENSITY_KG_M3
 from pneudrive.errors import is_severe
+from pneudrive.simulation.start import DriveOrCircuit
 from pneudrive.simulation.trajectory import TABLE, meaning
 from pneudrive.views import Finding, ShownValue, View
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
-
-    from pneudrive.arrays import Keyed
-    from pneudrive.simulation.start import DriveOrCircuit
 
 #: Columns of the flow into a chamber, of a drive and of a circuit.
 _CHAMBER_FLOW = re.compile(r"(mass_flow_[ab]|.+\.[ab]\.mass_flow)_kg_s")

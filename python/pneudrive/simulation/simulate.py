@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-import operator
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from numbers import Integral
 from typing import TYPE_CHECKING
 
 from pneudrive import __version__, units
@@ -299,15 +299,11 @@ def whole_number(name: str, given: object, low: int = 1, high: int = MOST_WHOLE)
     3
     """
     rule = f"a whole number, {low} to {high}"
-    try:
-        number = operator.index(given)  # type: ignore[arg-type]
-    except TypeError:
-        number = None
-    if number is None or isinstance(given, bool):
+    if not isinstance(given, Integral) or isinstance(given, bool):
         raise CommandError(f"{name} = {given!r} is not a whole number", rule=rule)
-    if not low <= number <= high:
+    if not low <= given <= high:
         raise CommandError(f"{name} = {given} is out of bounds", rule=rule)
-    return number
+    return int(given)
 
 
 def positive(given: str | float, si_unit: str, what: str) -> float:
