@@ -69,7 +69,7 @@ def layout(file: Path, *, out: Path | None = None) -> None:
     --------
     pneudrive layout bench.csv --out layout.toml
     """
-    found = proposal.propose_layout(file, watch())
+    found = proposal.propose_layout(file)
     if out is None:
         typer.echo(found.text)
     else:

@@ -64,15 +64,15 @@ class FileChannel:
     curve: ForceCalibration | None = None
 
     def of(self, raw: Array) -> Array:
-        """Convert numbers of the file to the displayed unit, without a copy if they are unchanged."""
+        """Convert numbers of the file to the displayed unit."""
         if self.said is None:
             return raw
         value = self.said.in_unit(raw)
         return value if self.curve is None else self.said.corrected(self.slope * value, self.curve) / self.slope
 
     def si(self, shown: Any) -> Any:  # noqa: ANN401 - a number or an array
-        """Convert displayed numbers to SI, without a copy if they are unchanged."""
-        return shown if (self.slope, self.zero) == (1.0, 0.0) else self.slope * shown + self.zero
+        """Convert displayed numbers to SI."""
+        return self.slope * shown + self.zero
 
 
 @dataclass(frozen=True)
@@ -159,8 +159,6 @@ def open_channels(path: Path, layout: Layout | None, cache: Path) -> ChannelFile
     RecordingError, LayoutError
         The file cannot be read with or without its layout, or has no column of numbers.
     """
-    said: FileLayout | None = None
-    notes: tuple[str, ...] = ()
     try:
         said = None if layout is None else layout.for_file(path, layout.kind)
         table, units, roles = _open(path, said, cache)
@@ -168,11 +166,11 @@ def open_channels(path: Path, layout: Layout | None, cache: Path) -> ChannelFile
         if layout is None:
             raise
         try:
-            said, (table, units, roles) = None, _open(path, None, cache)
+            plain = open_channels(path, None, cache)
         except RecordingError:
             raise error from None
         told = (f"the layout does not fit this file: {error.what}", "its columns are shown unchanged", error.remedy)
-        notes = ("; ".join(filter(None, told)),)
+        return replace(plain, notes=("; ".join(filter(None, told)), *plain.notes))
     kinds = {name: kind for name, kind in _kinds(table, table.names[:MOST_COLUMNS]).items() if kind in "iufM"}
     if not any(kind in "iuf" for kind in kinds.values()):
         raise RecordingError("the file has no column of numbers", where=path.name)
@@ -187,7 +185,7 @@ def open_channels(path: Path, layout: Layout | None, cache: Path) -> ChannelFile
         for name in sorted(kinds, key=lambda one: one not in roles)
         if kinds[name] in "iuf" and (time is None or name != time.column)
     ]
-    notes += () if time is not None else ("no time column: sample numbers replace the time",)
+    notes = () if time is not None else ("no time column: sample numbers replace the time",)
     if late := [role for role, column in (said.channels.items() if said else ()) if column.delay_s]:
         notes += (f"shown as recorded, without the layout's delay_s: {', '.join(late)}",)
     if len(found) > MOST_CHANNELS:
@@ -326,5 +324,5 @@ def amplitude_density(time_s: Array, values: Array) -> tuple[Array, Array]:
         raise RecordingError("the samples are not evenly spaced in time", rule="steps must be equal within 1 %")
     if not np.isfinite(values).all():
         raise RecordingError("a value is missing", remedy="Choose a part without gaps.")
-    frequency, power = welch(np.asarray(values, float), 1.0 / step, nperseg=min(SEGMENT, len(values)))
+    frequency, power = welch(values, 1.0 / step, nperseg=min(SEGMENT, len(values)))
     return frequency[1:], np.sqrt(power[1:])

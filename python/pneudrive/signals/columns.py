@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass
-from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -47,10 +46,9 @@ class HeaderUnit:
     gauge: bool | None = None
 
 
-@cache
-def _known() -> dict[str, HeaderUnit]:
-    units = ((si, unit, text) for si, own in _TABLES["units"].items() for unit, text in own.items())
-    return {spelling: HeaderUnit(si, unit) for si, unit, text in units for spelling in text.split()}
+_UNITS = ((si, unit, text) for si, own in _TABLES["units"].items() for unit, text in own.items())
+#: Spelling in lower case -> unit.
+_KNOWN = {spelling: HeaderUnit(si, unit) for si, unit, text in _UNITS for spelling in text.split()}
 
 
 def header_unit(text: str) -> HeaderUnit | None:
@@ -69,11 +67,10 @@ def header_unit(text: str) -> HeaderUnit | None:
     bare = bare.translate(_MICRO)
     if bare == "MN":
         return HeaderUnit("N", "MN")
-    known = _known()
-    if bare.lower() in known:
-        return known[bare.lower()]
+    if bare.lower() in _KNOWN:
+        return _KNOWN[bare.lower()]
     match = MARKED.fullmatch(bare.lower().replace("[", "(").replace("]", ")"))
-    unit = known.get(match.group(1).strip()) if match else None
+    unit = _KNOWN.get(match.group(1).strip()) if match else None
     if match is None or unit is None or unit.si != "Pa":
         return None
     return HeaderUnit("Pa", unit.unit, not match.group(2).startswith("a"))

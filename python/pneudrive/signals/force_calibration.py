@@ -104,13 +104,11 @@ class ForceCalibration:
         >>> float(ForceCalibration(gain=1.01, zero_n=0.5).force_n(101.5))
         100.0
         """
-        seen = np.asarray(shown_n, dtype=float)
         if not self.reference_n:
-            return (seen - self.zero_n) / self.gain
-        shown, reference = np.array(self.shown_n), np.array(self.reference_n)
-        piece = np.clip(np.searchsorted(shown, seen) - 1, 0, shown.size - 2)
-        slope = np.diff(reference) / np.diff(shown)
-        return reference[piece] + slope[piece] * (seen - shown[piece])
+            return (np.asarray(shown_n, dtype=float) - self.zero_n) / self.gain
+        from scipy.interpolate import interp1d
+
+        return interp1d(self.shown_n, self.reference_n, fill_value="extrapolate")(shown_n)
 
     def applied(self) -> ForceCalibration:
         """Return a calibration for forces that the curve has already corrected. It contains only the uncertainties."""

@@ -308,9 +308,8 @@ def si_columns(layout: FileLayout, raw: Columns) -> Plain:
     values: Columns = {}
     for channel, numbers in raw.items():
         column, curve = layout.channels[channel], layout.force_calibration
-        unit, value = column.conversion, column.in_unit(numbers)
-        value = value if unit.factor == 1.0 else unit.factor * value
-        value = value + unit.shift  # always: the result is never the raw column, and has no zero with a sign
+        unit = column.conversion
+        value = unit.factor * column.in_unit(numbers) + unit.shift
         if channel == "force" and curve is not None:
             value = column.corrected(value, curve)
         if channel == "command" and column.range is not None:  # noise of the measured signal at full opening

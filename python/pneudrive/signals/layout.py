@@ -108,10 +108,8 @@ class Column(Described):
         return COUNTERS if self.wraps is None else (self.wraps,)
 
     def in_unit(self, raw: Array) -> Array:
-        """Return raw numbers in the column's unit, positive in +x. Unchanged numbers are not copied."""
-        value = raw if self.scale == 1.0 else raw * self.scale
-        value = value if self.offset == 0.0 else value + self.offset
-        return value if self.positive == "+x" else -1 * value
+        """Return raw numbers in the column's unit, positive in +x."""
+        return (raw * self.scale + self.offset) * (1 if self.positive == "+x" else -1)
 
     def corrected(self, force_n: Array, curve: ForceCalibration) -> Array:
         """Return forces (positive in +x) corrected by a calibration curve, which has the sign of the sensor."""
@@ -480,9 +478,10 @@ class Layout(Shown):
 
     def _place(self, key: str, chosen: Sequence[int]) -> str:
         """Return the location of a key in the file, also in an override; without the key, the location of its table."""
+        trees = [*((f"for.{index}.", self.tree["for"][index]) for index in reversed(chosen)), ("", self.tree)]
         while key:
-            for at in (*(f"for.{index}." for index in reversed(chosen)), ""):
-                found: Any = self.tree["for"][int(at.split(".")[1])] if at else self.tree
+            for at, tree in trees:
+                found: Any = tree
                 for part in key.split("."):
                     found = found.get(part) if isinstance(found, dict) else None
                 if found is not None:
@@ -512,13 +511,13 @@ class Layout(Shown):
             if isinstance(columns, dict) and isinstance(said, dict):
                 # An override replaces some tables as a whole: columns with place and unit, and chamber pressures
                 # given in another way.
-                whole = {name for name, one in said.items() if isinstance(one, dict) and {"column", "unit"} <= set(one)}
-                whole |= {f"pressure_{side}" for side in "ab" if f"chamber_{side}" in rest}
-                chambers = {
-                    f"chamber_{side}" for side in "ab" if f"pressure_{side}" in said or f"chamber_{side}" in rest
-                }
-                tree = {key: value for key, value in tree.items() if key not in chambers}
+                whole = [name for name, one in said.items() if isinstance(one, dict) and {"column", "unit"} <= {*one}]
                 tree["columns"] = {name: one for name, one in columns.items() if name not in whole}
+                for side in "ab":
+                    if f"chamber_{side}" in rest:
+                        tree["columns"].pop(f"pressure_{side}", None)
+                    if {f"chamber_{side}", f"pressure_{side}"} & {*rest, *said}:
+                        tree.pop(f"chamber_{side}", None)
             tree = toml.merge(tree, rest)
         problems, kind = Problems(), self.kind
         layout: FileLayout | None = problems.take(FileLayout.model_validate, tree)

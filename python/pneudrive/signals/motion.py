@@ -145,16 +145,6 @@ def middle(values: Array) -> float:
     return float(np.partition(some, some.size // 2)[some.size // 2])
 
 
-def quantiles(values: Array, *shares: float) -> list[float]:
-    """Return quantiles of finite values: identical to NumPy's linear method, but ten times faster."""
-    ordered, last, found = np.sort(values), values.size - 1, []
-    for share in shares:
-        low = min(int(share * last), max(last - 1, 0))
-        a, b, t = float(ordered[low]), float(ordered[min(low + 1, last)]), share * last - low
-        found.append(b - (b - a) * (1.0 - t) if t >= 0.5 else a + (b - a) * t)
-    return found
-
-
 def turning_points(position_m: Array, least_m: float) -> Ints:
     """Find the samples at which the motion reverses by at least ``least_m``, first and last included.
 
@@ -187,7 +177,7 @@ def find_strokes(name: str, time_s: Array, position_m: Array) -> list[Stroke]:
     if time_s.size < MINIMUM_SAMPLES:
         raise RecordingError.of("signals.too-few-samples", where=name, value=time_s.size, fewest=MINIMUM_SAMPLES)
     noise = noise_level(position_m)
-    low, high = quantiles(thinned(position_m), 0.001, 0.999)
+    low, high = np.quantile(thinned(position_m), (0.001, 0.999)).tolist()
     travel = high - low
     if travel <= NOISE_FACTOR * noise or travel <= 0 or time_s[-1] <= time_s[0]:
         numbers = {"factor": NOISE_FACTOR, "travel_mm": 1e3 * travel, "noise_mm": 1e3 * noise}
@@ -278,23 +268,19 @@ def _one_way_levels(strokes: list[Stroke]) -> Levels:
     by_pace = sorted(strokes, key=lambda s: s.pace_m_s)
     ways = {d: [s for s in by_pace if s.direction == d] for d in (1, -1)}
     steps = {d: _groups(members, 1.0 + LEVEL_WIDTH) for d, members in ways.items()}
-    set_ways = [d for d in (1, -1) if _are_steps(steps[d])]
-    if not set_ways:
+    way = max(filter(lambda d: _are_steps(steps[d]), steps), key=lambda d: len(steps[d]), default=0)
+    if not way:
         return []
-    way = max(set_ways, key=lambda d: len(steps[d]))
-    before = {stroke.index + 1: (i, stroke.pace_m_s) for i, group in enumerate(steps[way]) for stroke in group}
-    returns = {
-        stroke.index: before[stroke.index][0]
-        for stroke in ways[-way]
-        if stroke.index in before and abs(stroke.pace_m_s / before[stroke.index][1] - 1.0) <= CONTROLLED_TOLERANCE
-    }
-    if len(set(returns.values())) < LEAST_STEPS:
-        returns = {}
-    classes = [list(group) for group in steps[way]]
-    for stroke in ways[-way]:
-        if stroke.index in returns:
-            classes[returns[stroke.index]].append(stroke)
-    rest = _groups([stroke for stroke in ways[-way] if stroke.index not in returns], DRIFT_RANGE)
+    classes = steps[way]
+    before = {stroke.index + 1: (i, stroke.pace_m_s) for i, group in enumerate(classes) for stroke in group}
+    after = [(stroke, *before[stroke.index]) for stroke in ways[-way] if stroke.index in before]
+    returns = [(stroke, i) for stroke, i, pace in after if abs(stroke.pace_m_s / pace - 1.0) <= CONTROLLED_TOLERANCE]
+    if len({i for _, i in returns}) < LEAST_STEPS:
+        returns = []
+    for stroke, i in returns:
+        classes[i].append(stroke)
+    joined = {stroke.index for stroke, _ in returns}
+    rest = _groups([stroke for stroke in ways[-way] if stroke.index not in joined], DRIFT_RANGE)
     return [sorted(members, key=lambda s: s.index) for members in (*classes, *rest)]
 
 
@@ -368,7 +354,7 @@ def same_signal(first: Array, second: Array) -> bool:
 
 def resolution(values: Array) -> float:
     """Return the smallest difference between two different values; infinite if all values are equal."""
-    return float(np.min(np.diff(np.unique(values)), initial=np.inf))
+    return np.min(np.diff(np.unique(values)), initial=np.inf)
 
 
 def unevenness(values: Array, *, is_one_of_many: bool) -> float:
@@ -388,7 +374,7 @@ def unevenness(values: Array, *, is_one_of_many: bool) -> float:
     middle = ((values > values.min() + 0.2 * span) & (values < values.min() + 0.8 * span)).mean()
     # An even stroke spends 60 % of its time in the middle 60 % of its travel. A switched signal spends almost no time
     # there.
-    return float(np.abs(np.diff(values)).sum()) / needed + 5 * abs(middle - 0.6) + once
+    return np.abs(np.diff(values)).sum() / needed + 5 * abs(middle - 0.6) + once
 
 
 @dataclass(frozen=True)
@@ -420,7 +406,7 @@ class Directions:
         """Return the medians of a channel during motion in +x and in -x; None if a direction is missing."""
         there = np.isfinite(values)
         up, down = values[self.up & there], values[self.down & there]
-        return (float(np.median(up)), float(np.median(down))) if up.size and down.size else None
+        return (np.median(up), np.median(down)) if up.size and down.size else None
 
     def sign(self, values: Array) -> int:
         """Return 1 if a channel is larger in +x than in -x at equal positions, -1 if smaller, and 0 if unclear."""

@@ -88,7 +88,7 @@ def pressure_delay(recording: Recording) -> PressureDelay | None:
     time, position = recording.time_s[good], recording.position_m[good]
     if time.size < 100 or np.ptp(position) <= 0.0:
         return None
-    span = float(time[-1] - time[0])
+    span = time[-1] - time[0]
     count = int(min(max(span / STEP_S, 200.0), MOST_SAMPLES, time.size))
     grid = np.linspace(time[0], time[-1], count)
     x = np.interp(grid, time, position)
@@ -104,7 +104,7 @@ def pressure_delay(recording: Recording) -> PressureDelay | None:
     weights = errors**-2 / np.sum(errors**-2)
     value = float(weights @ values)
     inside, between = np.sum(errors**-2) ** -0.5, np.sqrt(weights @ (values - value) ** 2)
-    error = max(float(inside), float(between))
+    error = max(inside, between)
     resolution = 0.5 * span / (time.size - 1)  # an instant lies within one sampling interval
     return PressureDelay(value, float(np.hypot(student(freedom.min()) * error, resolution)))
 
@@ -118,8 +118,7 @@ def _simulated(time_s: Array, distance_m: Array, point: Array) -> Array:
 
     volume = distance_m + np.exp(point[0])
     volume = volume / volume[0]
-    step = float(time_s[1])
-    decay = float(np.exp(-np.exp(point[1]) * step))
+    decay = np.exp(-np.exp(point[1]) * time_s[1])
     power = volume ** (GAMMA - 1.0)
     warming = (1.0 - decay) * point[2] / (1.0 + point[3])
     source = np.r_[point[2], warming * 0.5 * (power[1:] + power[:-1])]
@@ -131,10 +130,10 @@ def _chamber_delay(time_s: Array, distance_m: Array, pressure_pa: Array) -> tupl
     """Return delay, standard error and degrees of freedom of one chamber; None if it is not closed."""
     from scipy.optimize import least_squares
 
-    travel, unit = float(np.ptp(distance_m)), float(np.ptp(pressure_pa))
+    travel, unit = np.ptp(distance_m), np.ptp(pressure_pa)
     begins = distance_m[time_s <= REST_S]
     kelvin = AT_REST_K if np.ptp(begins) < REST * travel else IN_MOTION_K
-    first = float(pressure_pa[: max(begins.size, 1)].mean()) if kelvin == AT_REST_K else float(pressure_pa[0])
+    first = pressure_pa[: max(begins.size, 1)].mean() if kelvin == AT_REST_K else pressure_pa[0]
     scale = np.array([1.0, 1.0, unit, kelvin / ANR_TEMPERATURE_K, 0.1])
 
     def residual(point: Array) -> Array:
@@ -156,4 +155,4 @@ def _chamber_delay(time_s: Array, distance_m: Array, pressure_pa: Array) -> tupl
     inverse = np.linalg.pinv(jacobian.T @ jacobian)
     freedom = max(len(edges) - begin.size, 3)
     variance = (inverse @ (scores.T @ scores) @ inverse)[4, 4] * len(edges) / freedom
-    return float(found.x[4]), float(np.sqrt(variance)) * scale[4], float(freedom)
+    return found.x[4], np.sqrt(variance) * scale[4], freedom

@@ -13,7 +13,6 @@ from pneudrive.arrays import Array
 from pneudrive.describe.files.toml import value_text
 from pneudrive.errors import PneudriveError, RecordingError
 from pneudrive.files.content import rendered
-from pneudrive.progress import UNWATCHED, Watch
 from pneudrive.signals.columns import ROLES, SIGNALS, families
 from pneudrive.signals.drive_recording import read_drive_recordings, read_volume_recordings
 from pneudrive.signals.importer import read_foreign
@@ -25,7 +24,6 @@ from pneudrive.signals.roles import Guess, RoleSearch
 from pneudrive.signals.text_table import FileForm
 from pneudrive.units import converter
 
-STAGES = 3
 MOST_TAGS = 100  # different texts that name the channels of a table with one row for each value
 MOST_NAMED = 8  # columns in a message
 #: Names of absolute pressures: p_abs, psia, bara.
@@ -48,13 +46,13 @@ class Proposal:
     path: Path
     text: str
     reading: FileForm
-    guesses: tuple[Guess, ...]
-    columns: tuple[Array, ...]
+    guesses: list[Guess]
+    columns: list[Array]
     recording: Recording | None
-    strokes: tuple[Stroke, ...]
+    strokes: list[Stroke]
     problem: str
-    kind: str = "rig"
-    unused: tuple[str, ...] = ()
+    kind: str
+    unused: tuple[str, ...]
 
     @property
     def asks(self) -> bool:
@@ -62,15 +60,13 @@ class Proposal:
         return self.problem.startswith("the file does not")
 
 
-def propose_layout(path: str | Path, watch: Watch = UNWATCHED) -> Proposal:
+def propose_layout(path: str | Path) -> Proposal:
     """Propose how to read a foreign recording.
 
     Parameters
     ----------
     path
         The file.
-    watch
-        Receives the current step.
 
     Returns
     -------
@@ -84,25 +80,22 @@ def propose_layout(path: str | Path, watch: Watch = UNWATCHED) -> Proposal:
         is not a recording of a rig, a drive or a fixed volume.
     """
     path = Path(path)
-    watch.tell(0, STAGES, "reading the file")
     reading, columns = read_foreign(path)
     if max((column.size for column in columns), default=0) < 2:
         raise RecordingError("the file holds no samples", where=str(path), value=f"columns: {', '.join(reading.names)}")
-    watch.tell(1, STAGES, "examining the columns")
     roles = RoleSearch.of(reading, columns)
     kind = _kind(path, roles)
     if kind == "fixed-volume":  # time, command and one pressure, which does not belong to a chamber
-        pressures = [g for g in roles.guesses if g.role.startswith("pressure")][:1]
-        kept = [g for g in roles.guesses if g.role in ("time", "command")]
-        named = (replace(g, role="pressure", reason=g.reason.partition(";")[0]) for g in pressures)
-        roles.guesses = [*kept, *named]
+        pressures = [guess for role, guess in roles.guesses.items() if role.startswith("pressure")][:1]
+        roles.guesses = {role: roles.guesses[role] for role in ("time", "command") if role in roles.guesses}
+        for guess in pressures:
+            roles.guesses["pressure"] = replace(guess, role="pressure", reason=guess.reason.partition(";")[0])
     elif kind == "rig":
         roles.ask_chambers()
     else:
         roles.questions = [question for question in roles.questions if question.role != "force"]
     text = layout_text(path, roles, kind)
-    watch.tell(2, STAGES, "reading the file by the proposed layout")
-    recording, strokes = None, ()
+    recording, strokes = None, list[Stroke]()
     problem = "; ".join(question.text for question in roles.questions)
     try:
         if problem:
@@ -112,18 +105,15 @@ def propose_layout(path: str | Path, watch: Watch = UNWATCHED) -> Proposal:
             read_volume_recordings([path], layout)
         elif kind == "drive":
             record = read_drive_recordings([path], layout)[0]
-            strokes = tuple(find_strokes(record.name, record.time_s, record["position_m"]))
+            strokes = find_strokes(record.name, record.time_s, record["position_m"])
         else:
             file = RecordingFile(path, layout, stem(path))
             recording = next(find_cycles(file)[1]) if file.has_cycles else file.read()
-            strokes = tuple(find_strokes(recording.name, recording.time_s, recording.position_m))
+            strokes = find_strokes(recording.name, recording.time_s, recording.position_m)
     except PneudriveError as error:
         problem = error.what
-    watch.tell(STAGES, STAGES, "reading the file by the proposed layout")
-    unused = tuple(str(column.place) for column in roles.unused)
-    return Proposal(
-        path, text, reading, tuple(roles.guesses), tuple(columns), recording, strokes, problem, kind, unused
-    )
+    guesses, unused = [*roles.guesses.values()], tuple(str(column.place) for column in roles.unused)
+    return Proposal(path, text, reading, guesses, columns, recording, strokes, problem, kind, unused)
 
 
 def _kind(path: Path, roles: RoleSearch) -> str:
@@ -134,8 +124,7 @@ def _kind(path: Path, roles: RoleSearch) -> str:
     RecordingError
         The kind is unknown, so that a layout would be meaningless.
     """
-    found = {guess.role for guess in roles.guesses}
-    found |= {*re.findall(r"\w+", roles.open_roles)}
+    found = {*roles.guesses, *roles.open_roles.split()}
     has_pressure = any("pressure" in role for role in found)
     if {"position", "command"} <= found and has_pressure:
         return "drive"
@@ -150,7 +139,7 @@ def _kind(path: Path, roles: RoleSearch) -> str:
         time = next((header.name for header in headers if header.role == "time"), "TIME")
         index = f'index="{time}", columns="{headers[tags[0]].name}", values="{headers[values[0]].name}"'
         raise RecordingError.of("signals.long-table", where=str(path), name=path.name, index=index)
-    shown = ", ".join(f"{g.role}: column {g.column!r}" for g in roles.guesses)
+    shown = ", ".join(f"{g.role}: column {g.column!r}" for g in roles.guesses.values())
     named = f"columns: {', '.join(reading.names)}" if reading.names else ""
     remedy = "if it is a recording, write the layout by hand: see the guide, Your own recordings"
     if raw := [header.name for header in headers if header.is_raw and header.name]:
@@ -174,8 +163,8 @@ def layout_text(path: Path, roles: RoleSearch, kind: str) -> str:
         "skip_lines": form.skip_lines or None,
     }
     sign, bore, why = _sign_and_bore(roles)
+    known = {*roles.guesses, *roles.open_roles.split()}
     cycle = [name for name in reading.names if re.search(ROLES["cycle"]["words"], name.strip().lower())]
-    found = {guess.role for guess in roles.guesses}
     return rendered(
         TEMPLATE,
         {"toml": value_text},
@@ -183,15 +172,15 @@ def layout_text(path: Path, roles: RoleSearch, kind: str) -> str:
         kind=kind,
         format=reading.format,
         keys=keys if reading.format == "csv" else {},
-        guesses=[guess for guess in roles.guesses if not (kind == "drive" and guess.role == "force")],
+        guesses=[guess for role, guess in roles.guesses.items() if not (kind == "drive" and role == "force")],
         questions=roles.questions,
         line=lambda guess: _column_line(guess, sign),
         unused=families(str(column.place) for column in roles.unused),
         cycle=cycle[:1] if reading.format == "parquet" else (),
-        missing=[role for role in ("time", "position", "force") if role not in found and role not in roles.open_roles],
+        missing=[role for role in ("time", "position", "force") if role not in known],
         bore=f"{bore * 1e3:.3g}",
         why=why,
-        sides=[side for side in "ab" if f"pressure_{side}" not in found],
+        sides=[side for side in "ab" if f"pressure_{side}" not in roles.guesses],
         is_open="pressure" in roles.open_roles,
     )
 
@@ -218,7 +207,7 @@ def _column_line(guess: Guess, sign: str) -> str:
 
 def _signal(unit: str, values: Array) -> str:
     """Return unit and range of a command that is not an opening fraction: the narrowest usual range for its values."""
-    low, high = float(np.nanmin(values)), float(np.nanmax(values))
+    low, high = np.nanmin(values), np.nanmax(values)
     if low >= -1.0 and high <= 1.0 and not unit:
         return ""
     unit = unit or "V"
@@ -237,13 +226,13 @@ def _sign_and_bore(roles: RoleSearch) -> tuple[str, float, str]:
     The bore is the one for which pressure times area equals the mean force of both directions.
     """
     sign, unknown = "-x" if roles.sign < 0 else "+x", 0.025
-    force, values, directions = roles.guess("force"), roles.column("force"), roles.directions
-    pressures = [guess for guess in roles.guesses if guess.role.startswith("pressure")]
-    pressure = roles.column(pressures[0].role) if len(pressures) == 1 and "pressure" not in roles.open_roles else None
-    if directions is None or force is None or values is None or pressure is None:
+    force, directions = roles.guesses.get("force"), roles.directions
+    pressures = [guess for role, guess in roles.guesses.items() if role.startswith("pressure")]
+    has_one_pressure = len(pressures) == 1 and "pressure" not in roles.open_roles
+    if directions is None or force is None or force.source is None or not has_one_pressure:
         return sign, unknown, "write the real bore"
-    levels, mean = directions.levels(values.values), float(np.nanmean(pressure.values))
-    mean_pa = mean * converter(pressures[0].unit, "Pa")[0]
+    levels = directions.levels(force.source.values)
+    mean_pa = np.nanmean(pressures[0].source.values) * converter(pressures[0].unit, "Pa")[0]
     area = abs(sum(levels) / 2 * converter(force.unit, "N")[0] / mean_pa) if levels is not None and mean_pa else 0.0
     if not 1e-6 < area < 1.0:
         return sign, unknown, "write the real bore"

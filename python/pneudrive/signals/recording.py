@@ -2,27 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, NamedTuple
+from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
+from pneudrive.arrays import Array, Bools, Interval
 from pneudrive.constants import STANDARD_ATMOSPHERE_PA, STANDARD_GRAVITY_M_S2
 from pneudrive.errors import RecordingError
 from pneudrive.lazy_names import upper
-from pneudrive.signals.motion import NOISE_FACTOR, Stroke, local_slope, middle, noise_level, quantiles, thinned
+from pneudrive.signals.force_calibration import ForceCalibration
+from pneudrive.signals.motion import NOISE_FACTOR, Stroke, local_slope, middle, noise_level, thinned
 from pneudrive.views import View, Viewed
 
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-    from pathlib import Path
-
-    from numpy.typing import NDArray
-
-    from pneudrive.arrays import Array, Bools, Interval
-    from pneudrive.signals.force_calibration import ForceCalibration
-
-    Runs = tuple[NDArray[np.intp], NDArray[np.intp]]  # first sample and length of each run of equal samples
+Runs = tuple[NDArray[np.intp], NDArray[np.intp]]  # first sample and length of each run of equal samples
 
 CHANNELS = ("position_m", "force_n", "pressure_a_pa", "pressure_b_pa")
 
@@ -336,7 +332,7 @@ def _upper(steps: Array, share: float) -> float:
     """Return the quantile of the steps at this probability."""
     some = np.abs(thinned(steps))
     rank = int(share * (some.size - 1))
-    return float(np.partition(some, rank)[rank])
+    return np.partition(some, rank)[rank]
 
 
 def equal_runs(values: Array) -> Runs:
@@ -345,17 +341,17 @@ def equal_runs(values: Array) -> Runs:
     return starts, np.diff(starts, append=values.size)
 
 
-def _usual_run(lengths: NDArray[np.intp]) -> float:
+def _usual_run(lengths: NDArray[np.intp]) -> np.intp | int:
     """Return the usual length of runs of equal samples: 90 % of the samples are in runs of at most this length.
 
     The longest run is excluded, so that a stuck sensor is not mistaken for a coarse sensor.
     """
     if lengths.size <= 1:
-        return 0.0
+        return 0
     numbers = np.bincount(lengths)
     numbers[-1] -= 1
     covered = np.cumsum(numbers * np.arange(numbers.size))
-    return float(np.searchsorted(covered, 0.9 * covered[-1]))
+    return np.searchsorted(covered, 0.9 * covered[-1])
 
 
 def clipped(values: Array, runs: Runs) -> Bools:
@@ -413,7 +409,7 @@ def refuse_pressure(name: str, pressure_pa: Array, where: str) -> None:
     """
     if pressure_pa.size == 0:
         return
-    low, high = quantiles(thinned(pressure_pa), *QUANTILES)
+    low, high = np.quantile(thinned(pressure_pa), QUANTILES)
     if low < LOWEST_PA or high > PRESSURES_PA[0]:
         worst, why = (low, "is below vacuum") if low < LOWEST_PA else (high, "no pneumatic rig has")
         ends = {"bar": worst / 1e5, "most": PRESSURES_PA[0] / 1e5}
@@ -431,24 +427,14 @@ def refuse_channels(recording: Recording, strokes: Sequence[Stroke] = ()) -> Non
     where = str(recording.source or recording.name)
     for channel in ("pressure_a_pa", "pressure_b_pa"):
         refuse_pressure(channel.removesuffix("_pa"), getattr(recording, channel), where)
-    if recording.force_n.size:
-        (strongest,) = quantiles(np.abs(thinned(recording.force_n)), QUANTILES[1])
-        _no_more("the force reaches", strongest, FORCES_N[0], "N", "force", where)
-    if strokes:
-        fastest = max(stroke.pace_m_s for stroke in strokes)
-        longest = max(abs(stroke.to_m - stroke.from_m) for stroke in strokes)
-        _no_more("the piston moves at", fastest, SPEEDS_M_S[0], "m/s", "time and the position", where)
-        _no_more("the strokes are", longest, LONGEST_M, "m long", "position", where)
-
-
-def _no_more(
-    what: str,
-    value: float,
-    limit: float,
-    unit: str,
-    column: str,
-    where: str,
-) -> None:
-    if value > limit:
-        names = {"what": f"{what} {value:.4g} {unit}", "most": f"{limit:g} {unit}", "column": column}
-        raise RecordingError.of("signals.more-than-any", where=where, **names)
+    strongest = np.quantile(np.abs(thinned(recording.force_n)), QUANTILES[1]) if recording.force_n.size else 0.0
+    fastest = max((stroke.pace_m_s for stroke in strokes), default=0.0)
+    longest = max((abs(stroke.to_m - stroke.from_m) for stroke in strokes), default=0.0)
+    for what, value, limit, unit, column in (
+        ("the force reaches", strongest, FORCES_N[0], "N", "force"),
+        ("the piston moves at", fastest, SPEEDS_M_S[0], "m/s", "time and the position"),
+        ("the strokes are", longest, LONGEST_M, "m long", "position"),
+    ):
+        if value > limit:
+            names = {"what": f"{what} {value:.4g} {unit}", "most": f"{limit:g} {unit}", "column": column}
+            raise RecordingError.of("signals.more-than-any", where=where, **names)

@@ -87,7 +87,7 @@ class RoleSearch:
     of_time: tuple[int, ...] = ()
     rate_hz: float = 0.0
     clocks: dict[int, int] = field(default_factory=dict)
-    guesses: list[Guess] = field(default_factory=list)
+    guesses: dict[str, Guess] = field(default_factory=dict)
     questions: list[Question] = field(default_factory=list)
     directions: Directions | None = None
     sign: int = 0
@@ -123,26 +123,21 @@ class RoleSearch:
         """Roles of all questions, as text."""
         return " ".join(question.role for question in self.questions)
 
-    def guess(self, role: str) -> Guess | None:
-        """Return the guess of a role."""
-        return next((guess for guess in self.guesses if guess.role == role), None)
-
     def column(self, role: str) -> FileColumn | None:
         """Return the column of a role."""
-        guess = self.guess(role)
-        return None if guess is None else guess.source
+        return self.guesses[role].source if role in self.guesses else None
 
     @property
     def unused(self) -> list[FileColumn]:
         """Columns of numbers that have no role and are in no question."""
-        listed = [*self.guesses, *(choice for question in self.questions for choice in question.choices)]
+        listed = [*self.guesses.values(), *(choice for question in self.questions for choice in question.choices)]
         used = {guess.index for guess in listed} | {*self.of_time, *self.clocks.values(), *self.form.words}
         return [one for one in self.columns if one.index not in used and np.isfinite(one.values).any()]
 
     def ask_chambers(self) -> None:
         """Ask for the pressures of chambers without a column, if an unused column may be one of them."""
-        sides = [f"pressure_{side}" for side in "ab" if self.guess(f"pressure_{side}") is None]
-        used = [guess.source.values for guess in self.guesses if guess.source is not None]
+        sides = [role for role in ("pressure_a", "pressure_b") if role not in self.guesses]
+        used = [guess.source.values for guess in self.guesses.values() if guess.source is not None]
         free = [one for one in self.unused if one.may_be_pressure]
         spare = [one for one in free if not any(same_signal(values, one.values) for values in used)]
         if sides and spare and "pressure" not in self.open_roles:
@@ -259,7 +254,7 @@ class RoleSearch:
             return
         self.time, self.of_time = values, used
         reason = f"{', '.join(best.evidence)}; {rank}{', unit as named' if unit else ''}"
-        self.guesses.append(Guess("time", column, unit, reason, keys=", ".join(keys)))
+        self.guesses["time"] = Guess("time", column, unit, reason, keys=", ".join(keys))
 
     def _time_without_column(self, numbered: Sequence[FileColumn]) -> None:
         """Add the guess of a time from the rate in the file, otherwise a question."""
@@ -270,7 +265,7 @@ class RoleSearch:
         elif any(steps_s):
             self.rate_hz = 1.0 / steps_s[0]
             reason = f"the file states the rate: {' '.join(self.form.source.split())[:40]}"
-            self.guesses.append(Guess("time", None, "", reason, keys=f'rate = "{self.rate_hz:.6g} Hz"'))
+            self.guesses["time"] = Guess("time", None, "", reason, keys=f'rate = "{self.rate_hz:.6g} Hz"')
         else:
             only = f", column {numbered[0].place!r} numbers the rows" if numbered else ""
             self._ask("time", f"no column increases like a time{only}: {ASK_RATE}", [])
@@ -299,8 +294,7 @@ class RoleSearch:
             rated = [(unevenness(one.values, is_one_of_many=len(signals) > 1), one) for one in signals]
             even = [(badness, one) for badness, one in rated if badness < LEAST_EVEN]
             named = [Candidate(one, -badness / CLEAR_STROKES, ("strokes at constant speed",)) for badness, one in even]
-        chosen = self._choose("position", named, why)
-        if chosen is not None:
+        if chosen := self._choose("position", named, why):
             self._accept("position", chosen)
             self.directions = Directions.of(chosen.column.values)
 
@@ -308,7 +302,7 @@ class RoleSearch:
         directions, named, why = self.directions, self.candidates("force"), SEVERAL
         if directions is not None:
             named = _backed(named, "changes with the direction", lambda values: directions.sign(values) != 0)
-            if not named and self.guess("command") is None:
+            if not named and "command" not in self.guesses:
                 named, why = self._swinging(directions), "these columns change with the direction"
         chosen = self._choose("force", named, why)
         if chosen is None:
@@ -328,9 +322,7 @@ class RoleSearch:
         """
         signals = self._signals()
         swings = [(directions.swing(one.values), one) for one in signals]
-        found = [
-            Candidate(one, float(np.log2(swing)), ("changes with the direction",)) for swing, one in swings if swing
-        ]
+        found = [Candidate(one, np.log2(swing), ("changes with the direction",)) for swing, one in swings if swing]
         best = max(found, key=lambda one: one.score, default=None)
         if best is not None and is_held(best.column.values) and len(signals) >= FEWEST:
             self._accept("command", best._replace(evidence=HELD))
@@ -341,7 +333,7 @@ class RoleSearch:
         named = self.candidates("pressure")
         if not named:
             rest = self._signals()
-            has_position = self.guess("position") is not None
+            has_position = "position" in self.guesses
             is_alone = not any(column.name for column in self.columns) and len(rest) == 1
             why = "more constant than the force" if has_position else "the only signal besides the time"
             named = [Candidate(one, PHYSICS, (why,)) for one in rest if has_position or is_alone]
@@ -362,7 +354,7 @@ class RoleSearch:
         """Assign pressures to chambers by the force balance, or ask the user."""
         if len(free) > 2:
             self._ask("pressure_a and pressure_b", "more than two columns may be pressures of chambers", free)
-        elif self.guess("position") is None:
+        elif "position" not in self.guesses:
             self._settle("pressure", free)
         else:
             side, why = self._chamber([one.column.values for one in free])
@@ -379,7 +371,7 @@ class RoleSearch:
             return "", ASK_CHAMBER
         values = self.sign * force.values
         levels = directions.levels(values)
-        means = [abs(float(np.nanmean(p))) for p in pressures]
+        means = [abs(np.nanmean(p)) for p in pressures]
         if levels is not None and (len(means) == 1 or max(means) > CLEAR_PRESSURES * min(means)):
             mean, half = sum(levels) / 2, abs(levels[0] - levels[1]) / 2
             if abs(mean) > half:
@@ -393,11 +385,11 @@ class RoleSearch:
 
         The unit follows from the step of the samples and the speed of the piston.
         """
-        time, position, speed = self.guess("time"), self.guess("position"), None
+        time, position, speed = self.guesses.get("time"), self.guesses.get("position"), None
         if time is None or time.source is None or time.unit:
             return
         steps = np.diff(self.time[np.isfinite(self.time)])
-        step = float(np.median(steps)) if steps.size else 0.0
+        step = np.median(steps) if steps.size else 0.0
         longest = SLOWEST_S
         if position is not None and position.source is not None and position.unit:
             metres = position.source.values * converter(position.unit, "m")[0]
@@ -405,26 +397,27 @@ class RoleSearch:
             path, span = np.abs(np.diff(metres[good])), np.diff(self.time[good])
             moving = path > 0.2 * (np.quantile(path, 0.9) if path.size else 0.0)
             if moving.any() and span[moving].sum() > 0:
-                speed, longest = float(path[moving].sum() / span[moving].sum()), STEPS_S[1]  # m per unit of the time
+                speed, longest = path[moving].sum() / span[moving].sum(), STEPS_S[1]  # m per unit of the time
         fits = [unit for unit, factor in UNITS_S.items() if STEPS_S[0] <= step * factor <= longest]
         if speed is not None:
             fits = [unit for unit in fits if SPEEDS_M_S[0] <= speed / UNITS_S[unit] <= SPEEDS_M_S[1]]
         if len(fits) == 1:
             shown = "" if speed is None else f" and {speed / UNITS_S[fits[0]] * 1e3:.3g} mm/s"
             reason = f"unit from the size of the steps: {step * UNITS_S[fits[0]]:.3g} s{shown}"
-            self.guesses[0] = replace(time, unit=fits[0], reason=f"{time.reason}, {reason}")
+            self.guesses["time"] = replace(time, unit=fits[0], reason=f"{time.reason}, {reason}")
             return
         which = " or ".join(fits) if fits else "none of s, ms and us fits usual steps and speeds"
         why = f"the unit of the time is not stated ({which}): state it"
-        del self.guesses[0]
+        del self.guesses["time"]
         self.questions.insert(0, Question("time", why, (replace(time, unit="s", reason=why),)))
 
     def _other_lengths(self) -> None:
         """Ask about channels whose names state an open role, but whose lengths differ from the others."""
-        known = [guess.role for guess in self.guesses]
         for name, length in self.form.other_lengths.items():
             role = headers.role_of(name)
-            is_open = sum("pressure" in text for text in known) < 2 if role == "pressure" else role not in known
+            is_open = role not in self.guesses
+            if role == "pressure":
+                is_open = sum("pressure" in known for known in self.guesses) < 2
             if role is not None and is_open and length > 1 and not SECONDARY.search(words_of(name)):  # 1: a constant
                 usual = self.columns[0].values.size
                 why = f"channel {name!r} has {length} values, the others have {usual}: resample it to their time column"
@@ -432,8 +425,7 @@ class RoleSearch:
 
     def _settle(self, role: str, named: list[Candidate], note: str = "") -> None:
         """Add the best candidate as the guess of a role, unless the user has to choose."""
-        chosen = self._choose(role, named)
-        if chosen is not None:
+        if chosen := self._choose(role, named):
             self._accept(role, chosen._replace(rank=note + chosen.rank))
 
     def _choose(self, role: str, named: list[Candidate], why: str = SEVERAL) -> Candidate | None:
@@ -464,7 +456,7 @@ class RoleSearch:
             why = f"this column contains {content}: state the unit, and the scale (unit per {raw})"
             self.questions.append(Question(role, why, (replace(guess, reason=why),)))
         else:
-            self.guesses.append(guess)
+            self.guesses[role] = guess
 
     def _guess(self, role: str, one: Candidate) -> Guess:
         column = one.column
@@ -508,9 +500,9 @@ def _unit(column: FileColumn, role: str) -> tuple[str, bool | None, bool]:
     finite = column.values[np.isfinite(column.values)]
     size, whole = 0.0, False
     if finite.size:
-        span = float(np.ptp(finite))
-        size = span if kind == "position" else float(np.abs(finite).max())
-        whole = kind == "position" and bool((finite == np.floor(finite)).all()) and span > WHOLE_SPAN
+        span = np.ptp(finite)
+        size = span if kind == "position" else np.abs(finite).max()
+        whole = kind == "position" and (finite == np.floor(finite)).all() and span > WHOLE_SPAN
     by_size = ROLES.get(kind, {}).get("by_size", ()) if not whole else ()
     return next((name for most, name in by_size if size < most), ""), None, False
 

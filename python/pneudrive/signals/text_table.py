@@ -6,7 +6,7 @@ import csv
 import re
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
-from itertools import chain
+from itertools import chain, groupby, islice
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -213,10 +213,10 @@ def read_text(
     known = names if len(names) >= width and len(set(names)) == len(names) else [f"column {at}" for at in range(width)]
     places = {known[at]: at for at in (*use.values(), *(range(width) if others else ()))}
     chosen = {column: known[at] for column, at in use.items()}
-    needed = list(dict.fromkeys(chosen.values()))
+    needed = {*chosen.values()}
     forms = {chosen[column]: written for column, written in dates.items()}
     fields = _fields([lines[at] for at in rows], form, places, texts=forms.keys())
-    good = fields.select(pl.all_horizontal(pl.col(needed).is_not_null())).to_series()
+    good = fields.select(pl.all_horizontal(pl.col(*needed).is_not_null())).to_series()
     columns = {
         name: seconds(column.to_list(), forms[name], path) if name in forms else measurable(column.to_numpy())
         for name, column in fields.filter(good).to_dict().items()
@@ -274,20 +274,15 @@ def without_headers(
     Programs that append to a file repeat the header. The last header line marks each segment. Lines between this line
     and the previous row of numbers belong to the header.
     """
-    marks = [at for at in rows if lines[at] == last_of_header]
-    if not marks:
-        return rows, []
-    fields = split_row(lines[rows[0]], form.delimiter)
-    texts = {at for at, text in enumerate(fields) if is_words([text], form)}
-    dropped: set[int] = set()
-    for mark in marks:
-        at = mark
-        while at > rows[0] and not is_row_of_numbers(split_row(lines[at], form.delimiter), form, texts):
-            dropped.add(at)
-            at -= 1
-    kept = [at for at in rows if at not in dropped]
-    following = (next((row for row in kept if row > mark), 0) for mark in marks)
-    return kept, [kept.index(at) for at in following if at]
+    texts = {at for at, text in enumerate(split_row(lines[rows[0]], form.delimiter)) if is_words([text], form)}
+    kept, starts = list[int](), list[int]()
+    for at in rows:
+        kept.append(at)
+        if lines[at] == last_of_header:
+            while kept[1:] and not is_row_of_numbers(split_row(lines[kept[-1]], form.delimiter), form, texts):
+                kept.pop()
+            starts.append(len(kept))
+    return kept, [start for start in starts if start < len(kept)]
 
 
 def column_number(column: int | str, names: Fields, width: int, path: Path, *, is_text: bool = False) -> int:
@@ -319,16 +314,14 @@ def _fields(rows: Lines, form: TextForm, places: dict[str, int], texts: Set[str]
     import polars as pl
 
     if any('"' in row for row in rows):
-        split = [split_row(row, form.delimiter) for row in rows]
-        columns = {name: [row[at] if at < len(row) else None for row in split] for name, at in places.items()}
-        fields = pl.DataFrame(columns, schema=dict.fromkeys(places, pl.String))
+        split = pl.Series([split_row(row, form.delimiter) for row in rows], dtype=pl.List(pl.String))
     else:
-        row = pl.col("row")
+        split = pl.Series(rows, dtype=pl.String)
         if form.delimiter is None:
-            row = row.str.strip_chars().str.replace_all(r"\s+", " ")
-        parts = row.str.split(form.delimiter or " ").list
-        cells = [parts.get(at, null_on_oob=True).str.strip_chars().alias(name) for name, at in places.items()]
-        fields = pl.Series("row", rows, dtype=pl.String).to_frame().select(cells)
+            split = split.str.strip_chars().str.replace_all(r"\s+", " ")
+        split = split.str.split(form.delimiter or " ")
+    cells = {name: split.list.get(at, null_on_oob=True).str.strip_chars() for name, at in places.items()}
+    fields = pl.DataFrame(cells)
     numbers = []
     for name in places.keys() - texts:
         text = pl.col(name).str.replace(rf"\s*{re.escape(form.comment)}.*$", "")
@@ -543,19 +536,16 @@ def _first_of_numbers(lines: Lines, reading: _Reading) -> int:
 
     Further lines of numbers must follow it, because a preamble may also contain numbers.
     """
-    first = length = 0
-    longest = (0, 0)
-    for i, line in enumerate(lines):
-        if not line.strip(" ") or line.startswith(reading.form.comment):
-            continue
-        fields = split_row(line, reading.form.delimiter)
-        is_row = len(fields) == reading.width and is_row_of_numbers(fields, reading.form, reading.words)
-        first, length = (i if length == 0 else first, length + 1) if is_row else (first, 0)
-        if length > longest[0]:
-            longest = (length, first)
-        if length == TABLE_ROWS:
+    form, longest = reading.form, list[int]()
+    filled = (at for at, line in enumerate(lines) if line.strip(" ") and not line.startswith(form.comment))
+    fields = ((at, split_row(lines[at], form.delimiter)) for at in filled)
+    runs = groupby(fields, lambda row: len(row[1]) == reading.width and is_row_of_numbers(row[1], form, reading.words))
+    for are_numbers, run in runs:
+        table = [at for at, _ in islice(run, TABLE_ROWS)] if are_numbers else []
+        longest = max(longest, table, key=len)
+        if len(longest) == TABLE_ROWS:
             break
-    return longest[1]
+    return longest[0] if longest else 0
 
 
 def _rows_above(above: Lines, form: TextForm, width: int) -> Iterator[tuple[int, Fields, TextForm]]:

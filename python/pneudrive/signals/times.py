@@ -147,7 +147,7 @@ def unwrapped(values: Array, moduli: Iterable[float], *, forward: bool = False) 
         wraps = np.where(steps < 0, modulus, -modulus) * (np.abs(steps) > (1.0 - SAME_STEP) * modulus)
         if forward:
             wraps = np.maximum(wraps, 0.0)
-        if not wraps.any() or float(np.ptp(some)) >= modulus:
+        if not wraps.any() or np.ptp(some) >= modulus:
             continue
         if modulus in COUNTERS and not (some == np.floor(some)).all():
             continue
