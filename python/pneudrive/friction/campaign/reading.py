@@ -71,14 +71,10 @@ class CycleTable:
         for name, default in {**CYCLE_COLUMNS, "condition": None, "flags": None}.items():
             kind = type(default) if isinstance(default, int | float) else object
             columns[name] = np.array([row.get(name, default) for row in rows], dtype=kind)
-        both = [[row["sides"].get(way, {}) for way in WAYS] for row in rows]
-        for name in OF_SIDES:
-            values = [[side.get(name, np.nan) for side in pair] for pair in both]
-            columns[name] = np.array(values, float).reshape(-1, 2)
-        empty = np.full(bins, np.nan)
-        for name in OF_BINS:
-            curves = [[side.get(name, empty) for side in pair] for pair in both]
-            columns[name] = np.array(curves).reshape(len(rows), 2, bins)
+        unknown = dict.fromkeys(OF_SIDES, np.array(np.nan)) | dict.fromkeys(OF_BINS, np.full(bins, np.nan))
+        for name, default in unknown.items():
+            values = [[row["sides"].get(way, {}).get(name, default) for way in WAYS] for row in rows]
+            columns[name] = np.array(values, dtype=float).reshape(len(rows), 2, *default.shape)
         return cls(columns)
 
     def __getitem__(self, name: str) -> NDArray:

@@ -392,8 +392,7 @@ def _series(stops: pl.DataFrame, ambient: float) -> DwellSeries:
     if durations and not min(durations) * INSIDE <= REFERENCE_S <= max(durations) / INSIDE:
         reference_s = float(f"{np.sqrt(min(durations) * max(durations)):.3g}")
     # The mean of both directions removes the offset.
-    by_direction = (used if len(used) else stops).group_by("direction")
-    directions = [np.mean(group["running_n"].to_numpy()) for _, group in by_direction]
+    directions = (used if len(used) else stops).group_by("direction").agg(pl.col("running_n").mean())
     series = DwellSeries(
         levels=conditions_of(stops)[0].title,
         speed_m_s=stops["speed_m_s"][0],
@@ -402,14 +401,13 @@ def _series(stops: pl.DataFrame, ambient: float) -> DwellSeries:
         stops=used,
         left_out=len(stops) - len(used),
         reference_s=reference_s,
-        running_n=float(np.mean(directions)),
+        running_n=float(directions["running_n"].to_numpy().mean()),
     )
     if not len(used):
         return series
     # The relative drift of running friction over half the campaign is also assumed for ageing.
-    time, running, direction = (used[name].to_numpy().copy() for name in ("began_s", "running_n", "direction"))
-    for own in (direction == d for d in set(direction.tolist())):
-        running[own] -= running[own].mean()
+    changes = used.select("began_s", pl.col("running_n") - pl.col("running_n").mean().over("direction"))
+    time, running = changes.to_numpy().T
     span_s, slope = np.ptp(time), 0.0
     if span_s != 0:
         slope = np.polyfit((time - time.mean()) / span_s, running, 1)[0]
