@@ -24,10 +24,10 @@ from pneudrive.signals.motion import noise_level
 from pneudrive.units import readable
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
+    from collections.abc import Iterable, Mapping, Sequence
 
     from pneudrive._core import Shooting, Shot
-    from pneudrive.arrays import Array, ArrayPair, Bools, Columns, Ints, Keyed, NamedNumbers
+    from pneudrive.arrays import Array, ArrayPair, Bools, Columns, Keyed, NamedNumbers
     from pneudrive.describe.drive import Drive
     from pneudrive.signals.drive_recording import DriveRecording
 
@@ -99,11 +99,11 @@ def whiteness(residual: Array) -> NamedNumbers:
 
     e = residual[np.isfinite(residual)]
     e = e - e.mean() if e.size else e
-    n, power = e.size, float(e @ e)
+    n, power = e.size, e @ e
     lags = np.arange(1, min(LAGS, n - 1) + 1)
     if power == 0.0 or lags.size < 1:
         return {"outside": 0.0, "ljung_box": 0.0, "p": 1.0}
-    r = np.array([float(e[k:] @ e[:-k]) / power for k in lags])
+    r = np.array([e[k:] @ e[:-k] / power for k in lags])
     statistic = float(n * (n + 2) * np.sum(r * r / (n - lags)))
     outside = float(np.mean(np.abs(r) > NORMAL_95 / np.sqrt(n)))
     return {"outside": outside, "ljung_box": statistic, "p": float(chi2.sf(statistic, lags.size))}
@@ -123,9 +123,7 @@ def cross_correlations(residual: Array, signals: Mapping[str, Array]) -> NamedNu
         s = np.where(there, values - values[there].mean(), 0.0)
         scale = np.linalg.norm(e) * np.linalg.norm(s)
         if scale > 0.0:
-            products = [float(e[:-k] @ s[k:]) for k in range(LAGS, 0, -1)]  # sums of e(t) s(t + k)
-            products += [float(e[k:] @ s[: s.size - k]) for k in range(LAGS + 1)]  # of e(t + k) s(t)
-            out[name] = max((product / scale for product in products), key=abs)
+            out[name] = max(np.correlate(np.pad(e, LAGS), s, "valid") / scale, key=abs)
     return dict(sorted(out.items(), key=lambda pair: -abs(pair[1])))
 
 
@@ -196,7 +194,7 @@ class Signals:
     def of(cls, recording: DriveRecording) -> Signals:
         """Resample a recording to a uniform time base; a uniform recording keeps its samples."""
         time = even = recording.time_s
-        steps, step = np.diff(time), float(recording.duration_s / (time.size - 1))
+        steps, step = np.diff(time), recording.duration_s / (time.size - 1)
         if np.abs(steps - step).max() > 1e-3 * step:
             step = np.median(steps)
             even = np.arange(round(recording.duration_s / step) + 1, dtype=float) * step
@@ -212,7 +210,7 @@ class Signals:
     def smooth(self, values: Array, order: int = 0, half: int | None = None) -> Array:
         """Return values smoothed by local cubics, or the time derivative of this order. It is NaN near NaN values."""
         width = min(2 * (half or self.half) + 1, (values.size - 1) // 2 * 2 - 1)
-        return np.asarray(savgol_filter(values, width, 3, deriv=order, delta=self.step_s), dtype=float)
+        return savgol_filter(values, width, 3, deriv=order, delta=self.step_s)
 
     @cached_property
     def velocity_unsure_m_s(self) -> Array:
@@ -246,26 +244,23 @@ class Signals:
             noise_m_s = noise_level(self.velocity_m_s)
         else:
             weights = savgol_coeffs(2 * self.half + 1, 3, deriv=1, delta=self.step_s)
-            noise_m_s = float(np.sqrt(weights @ weights)) * noise_level(self.position_m)
+            noise_m_s = np.sqrt(weights @ weights) * noise_level(self.position_m)
         return np.abs(self.velocity_m_s) > max(MOVES * noise_m_s, 1e-4)
 
     def start_temperatures(self, drive: Drive) -> list[float]:
         """Return the measured temperatures at the first sample, or the ambient temperature, in K."""
         names = ("temperature_a_k", "temperature_b_k")
-        return [float(self.recording[n][0]) if n in self.recording else drive.ambient.temperature_k for n in names]
+        return [self.recording[n][0] if n in self.recording else drive.ambient.temperature_k for n in names]
 
-    def state(self, i: int) -> tuple[float, float, float, float, float]:
+    def state(self, i: int) -> Array:
         """Return time, position, velocity and both pressures at sample `i`, smoothed."""
         around = slice(max(i - PRESSURE_HALF, 0), i + PRESSURE_HALF + 1)
         near = slice(max(i - self.half, 0), i + self.half + 1)
         t = self.time_s[near] - self.time_s[i]
-        x = float(np.polyfit(t, self.position_m[near], min(2, t.size - 1))[-1])
-        v = float(self.velocity_m_s[i]) if self.moving[i] else 0.0
-        pressures = [
-            float(np.polyfit(self.time_s[around] - self.time_s[i], p[around], 1)[-1])
-            for p in (self.pressure_a_pa, self.pressure_b_pa)
-        ]
-        return (float(self.time_s[i]), x, v, pressures[0], pressures[1])
+        x = np.polyfit(t, self.position_m[near], min(2, t.size - 1))[-1]
+        v = self.velocity_m_s[i] if self.moving[i] else 0.0
+        pressures = np.column_stack([self.pressure_a_pa[around], self.pressure_b_pa[around]])
+        return np.r_[self.time_s[i], x, v, np.polyfit(self.time_s[around] - self.time_s[i], pressures, 1)[-1]]
 
 
 # --- Correction of a recording for known errors of its sensors, before it is compared with a model.
@@ -542,7 +537,7 @@ def bending_m(drive: Drive) -> float:
     level = known.get("breakaway", known.get("coulomb", 0.0))
     if not stiffness:
         return LEAST_BENDING_M
-    return float(np.clip(BENT * level / stiffness, LEAST_BENDING_M, MOST_BENDING_M))
+    return min(max(BENT * level / stiffness, LEAST_BENDING_M), MOST_BENDING_M)
 
 
 # --- Simulation of a recorded command: free runs, runs with resets to measured states, and breakaway after stops.
@@ -603,16 +598,15 @@ class RecordedBreakaway:
         return (self.model_n - self.measured_n) / abs(self.measured_n)
 
 
-def run_model(drive: Drive, signals: Signals, restarts: Ints | None = None) -> ModelRun:
-    """Simulate the recorded command with resets to the measured state at given samples (None: the first sample only).
+def run_model(drive: Drive, signals: Signals, restarts: Sequence[int] = (0,)) -> ModelRun:
+    """Simulate the recorded command with resets to the measured state at given samples, which include the first sample.
 
     A reset sets position, velocity and pressures. Temperatures, inner states of friction and the gas of tubes and
     joints continue. At the start, temperatures are measured or ambient. In a drive without tubes, the bristles start
     with a deflection that balances the pressures; otherwise they start undeflected. In a drive with tubes, a failed
     segment ends the run, because the state of the gas in the tubes is then unknown.
     """
-    at = np.zeros(1, dtype=np.int64) if restarts is None else np.asarray(restarts, dtype=np.int64)
-    states = np.array([signals.state(int(i)) for i in at])
+    states = np.array([signals.state(i) for i in restarts])
     # A noisy position is limited to the stroke plus the possible depth in the end stops.
     states[:, 1] = np.clip(states[:, 1], -1e-3, drive.cylinder.stroke_m + 1e-3)
     steps = signals.recording.steps
@@ -643,8 +637,8 @@ def run_model(drive: Drive, signals: Signals, restarts: Ints | None = None) -> M
             state[0, 6:] = settled["ends"][0, 6:]
     values = np.full((signals.time_s.size, len(RUN_COLUMNS)), np.nan)
     failures: list[str] = []
-    ends = [*at[1:].tolist(), signals.time_s.size - 1]
-    for measured, begin, end in zip(states, at.tolist(), ends, strict=True):
+    ends = [*restarts[1:], signals.time_s.size - 1]
+    for measured, begin, end in zip(states, restarts, ends, strict=True):
         state[0, [0, 1, 2, 4]] = measured[1:]
         run = segment(*steps, signals.time_s[begin : end + 1])
         values[begin : end + 1] = run["values"]
@@ -675,7 +669,7 @@ def breakaways(drive: Drive, signals: Signals) -> tuple[RecordedBreakaway, ...]:
     if not rests:
         return ()
     starts = [max(start, onset - round(MOST_STOP_S / signals.step_s)) for start, onset in rests]
-    run = run_model(drive, signals, np.unique(np.r_[0, starts]))
+    run = run_model(drive, signals, sorted({0, *starts}))
     # All forces on the moving mass except friction, minus m a, N in -x.
     others = signals.smooth(Scene.of(drive, signals).terms["force_n"])
     measured = others - moving_mass(drive) * signals.acceleration_m_s2

@@ -6,24 +6,21 @@ of a cause in the regression is the difference quotient of the residuals. causes
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.signal import lfilter
 
-from pneudrive.arrays import Array, Interval, Plain, Row, by_name
+from pneudrive.arrays import Array, Plain, Row, by_name
 from pneudrive.constants import LEAK_CRITICAL_RATIO
+from pneudrive.describe.drive import Drive
 from pneudrive.errors import package_table
 from pneudrive.units import write
 from pneudrive.validate.balance import RATES, Scene, at_samples, openings
 
-if TYPE_CHECKING:
-    from pneudrive.describe.drive import Drive
-
-    Rows = dict[str, Row]
-
+Rows = dict[str, Row]
+_TEXTS = package_table(__file__, "causes.toml")
 #: Change of the scene by an amount; and drive-dependent arguments of `Cause`.
 Change = Callable[[Scene, float], Scene]
 
@@ -60,11 +57,11 @@ class Cause:
         Scene -> columns, for a cause with several coefficients.
     parts : int
         Number of coefficients. A cause with more coefficients explains more of the residual by chance.
-    bounds : tuple of float
+    bounds : sequence of float
         Smallest and largest amount that a description allows.
     described : bool
         Whether a drive file or the sensor data can describe the cause.
-    free : tuple of str
+    free : sequence of str
         Values of the drive file that a new identification should fit to correct the error.
     """
 
@@ -78,9 +75,9 @@ class Cause:
     ratio: Callable[[Scene], tuple[Array, float]] | None = None
     profile: Callable[[Scene], list[Array]] | None = None
     parts: int = 1
-    bounds: Interval = (-np.inf, np.inf)
+    bounds: Sequence[float] = (-np.inf, np.inf)
     described: bool = True
-    free: tuple[str, ...] = ()
+    free: Sequence[str] = ()
 
 
 def causes(drive: Drive) -> list[Cause]:
@@ -124,16 +121,15 @@ def causes(drive: Drive) -> list[Cause]:
         key, field, unit = "cylinder.heat_transfer_scale", "heat_transfer_scale", ""
     if getattr(cylinder, field) > 0.0:
         change = _value(key, unit, lambda d, share: getattr(d.cylinder, field) * (1.0 + share))
-        remedy = package_table(__file__, "causes.toml")["heat transfer"]["remedy"].format(key=key)
+        remedy = _TEXTS["heat transfer"]["remedy"].format(key=key)
         rows["heat transfer"] = {"change": change, "remedy": remedy, "free": (key,)}
     rows |= _SENSORS
     level, out = drive.friction.parameters.get("coulomb", 1.0), []
     for name, row in rows.items():
-        entry = {**package_table(__file__, "causes.toml")[name], **row}
+        entry = _TEXTS[name] | row
         if entry.pop("relative", False):
             entry.update({size: level * entry[size] for size in ("step", "least")})
-        lists = {field: tuple(value) for field, value in entry.items() if isinstance(value, list)}
-        out.append(Cause(key=name, **{**entry, **lists}))
+        out.append(Cause(key=name, **entry))
     return out
 
 
@@ -197,7 +193,7 @@ def _direction(drive: Drive, amount: float) -> Plain:
 def _along_stroke(scene: Scene) -> list[Array]:
     """Return the effects of friction along the stroke (Legendre polynomials) on the residuals, per N."""
     x, out = scene.position, []
-    domain = [float(x.min()), float(x.max())]
+    domain = [x.min(), x.max()]
     for order in range(PROFILE_ORDERS):
         shape = np.polynomial.legendre.Legendre.basis(order, domain=domain)(x)
         force = np.convolve(scene.signals.direction * shape, scene.kernel[0], "valid")
@@ -283,8 +279,8 @@ def _sag(lag_s: float) -> Change:
         before, after = scene.terms, _supply(scene, -step).terms
         drawn = np.maximum(before["mass_flow_a_kg_s"], 0.0) + np.maximum(before["mass_flow_b_kg_s"], 0.0)
         decay = np.exp(-scene.signals.step_s / lag_s) if lag_s else 0.0
-        drawn = np.asarray(lfilter([1.0 - decay], [1.0, -decay], drawn))
-        fall, k0 = amount * drawn / max(float(drawn.max()), 1e-30), scene.kernel[0]
+        drawn = lfilter([1.0 - decay], [1.0, -decay], drawn)
+        fall, k0 = amount * drawn / max(drawn.max(), 1e-30), scene.kernel[0]
         a, b = (np.convolve(fall * (after[rate] - before[rate]) / step, k0, "valid") for rate in RATES)
         return scene.less(np.stack([np.zeros_like(a), a, b]))
 

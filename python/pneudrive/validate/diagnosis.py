@@ -16,12 +16,13 @@ Standard errors come from the scores of blocks of 0.25 s, because neighbouring s
 from __future__ import annotations
 
 import functools
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from pneudrive.arrays import Array, Columns, Interval, NamedNumbers, by_name
+from pneudrive.describe.drive import Drive
 from pneudrive.errors import DescriptionError, SimulationError
 from pneudrive.estimate.estimates import NORMAL_95
 from pneudrive.numbers import plain, with_u
@@ -30,11 +31,6 @@ from pneudrive.repr_tables import Shown
 from pneudrive.units import readable
 from pneudrive.validate.balance import BALANCES, Scene, Signals
 from pneudrive.validate.causes import Cause, causes
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
-
-    from pneudrive.describe.drive import Drive
 
 BLOCK_S = 0.25
 #: Normalised residual up to which a balance closes, by sensor noise and irrelevant errors.
@@ -94,7 +90,7 @@ class Culprit:
     @property
     def free(self) -> tuple[str, ...]:
         """Values of the drive file that a new identification should fit to correct the error."""
-        return self.cause.free
+        return tuple(self.cause.free)
 
     @property
     def interval(self) -> Interval:
@@ -189,7 +185,7 @@ class _Fit:
         left: Array,
     ) -> _Fit:
         """Return the fit of one cause to a residual."""
-        share = 1.0 - float(after @ after) / float(left @ left)
+        share = 1.0 - after @ after / (left @ left)
         return cls([cause], np.array([amount]), column[None], after, share)
 
     @property
@@ -275,7 +271,7 @@ class _Regression:
     def stderr(self, fit: _Fit) -> float:
         """Estimate the standard error of an amount with scores summed over blocks."""
         score = np.bincount(self.blocks, weights=fit.column * fit.after)
-        power = float(fit.column @ fit.column)
+        power = fit.column @ fit.column
         if power == 0.0:
             return np.inf
         blocks = max(int(np.unique(self.blocks).size), 2)
@@ -307,7 +303,7 @@ class _Regression:
                 linear += self.profile(cause)
             elif cause.key in columns:
                 column = columns[cause.key]
-                amount = float(np.clip((column @ self.left) / (column @ column), *cause.bounds))
+                amount = np.clip((column @ self.left) / (column @ column), *cause.bounds)
                 linear.append(_Fit.single(cause, amount, column, self.left - amount * column, self.left))
         linear.sort(key=lambda fit: -fit.share)
         refined = [fit if fit.cause.profile else self.newton(fit.causes, fit.amounts) for fit in linear[:REFINED]]
@@ -337,7 +333,7 @@ class _Regression:
                 )
                 matrix = matrix / np.maximum(np.linalg.norm(matrix, axis=0), 1e-300)
                 rest = self.left - matrix @ np.linalg.lstsq(matrix, self.left, rcond=None)[0]
-                rests.append((float(rest @ rest), cause))
+                rests.append((rest @ rest, cause))
         best = [cause for _, cause in sorted(rests, key=lambda pair: pair[0])[:JOINT]]
         tested = self.watch.each(best, "causes tested with fitted values")
         fits = [self.newton([*companions, cause], np.zeros(len(companions) + 1)) for cause in tested]
@@ -360,7 +356,7 @@ class _Regression:
                 continue
             matrix = np.column_stack(columns)
             size = np.maximum(np.linalg.norm(matrix, axis=0), 1e-300)
-            share = 1.0 - float(here @ here) / float(self.left @ self.left)
+            share = 1.0 - here @ here / (self.left @ self.left)
             if best.after is self.left or share > best.share:
                 # The pseudo-inverse's rows are the columns without the part that the others can replace.
                 rows = np.linalg.pinv(matrix / size, rcond=1e-6) / size[:, None]
@@ -378,7 +374,7 @@ class _Regression:
         columns = np.column_stack([self.stacked(own[k] for own in shapes) for k in range(cause.parts)])
         weights = np.linalg.lstsq(columns, self.left, rcond=None)[0]
         over_stroke = np.polynomial.legendre.legval(np.linspace(-1.0, 1.0, 101), weights)
-        amount = 0.5 * float(np.ptp(over_stroke))
+        amount = 0.5 * np.ptp(over_stroke)
         if amount == 0.0:
             return []
         effect = columns @ weights
@@ -394,7 +390,7 @@ class _Regression:
         others = [at for at in range(len(fit.causes)) if at != k]
         without = self.residual([fit.causes[at] for at in others], fit.amounts[others])
         left = fit.after if without is None else without
-        return _Fit.single(fit.causes[k], float(fit.amounts[k]), fit.columns[k], fit.after, left)
+        return _Fit.single(fit.causes[k], fit.amounts[k], fit.columns[k], fit.after, left)
 
     def culprit(self, fit: _Fit, others: Sequence[_Fit] = ()) -> Culprit:
         """Return a cause with its uncertainty and its rivals."""
@@ -427,9 +423,9 @@ class _Regression:
                 inside = ratio[scene.half : ratio.size - scene.half]
                 factors.append(np.stack([_flow(inside, critical) / np.maximum(_flow(inside, usual), LEAST_FLOW)] * 3))
             column = fit.column * self.stacked(factors, weighted=False)
-            amounts.append(float(column @ target) / float(column @ column))
+            amounts.append(column @ target / (column @ column))
             rest = target - amounts[-1] * column
-            sizes.append(float(rest @ rest))
+            sizes.append(rest @ rest)
         best = min(sizes)
         every = [a for a, size in zip(amounts, sizes, strict=True) if size <= RIVAL * best] + [fit.amount]
         return min(every), max(every)
@@ -471,7 +467,7 @@ def diagnose(
             culprits += [model.culprit(fit) for fit in own if model.is_shown(fit)]
         model.scenes = model.changed(fits[0].causes, fits[0].amounts)
         model.left = model.stacked(scene.residuals for scene in model.scenes)
-    remains = float(model.left @ model.left) / float(first @ first) if first.size and first.any() else 0.0
+    remains = model.left @ model.left / (first @ first) if first.any() else 0.0
     return Diagnosis(model.sizes(first), tuple(culprits), remains)
 
 

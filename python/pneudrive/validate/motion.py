@@ -5,11 +5,11 @@ In the validation of a circuit along motions, only start state and pressure dela
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import product
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 import polars as pl
@@ -24,22 +24,17 @@ from pneudrive.identify.follow import fit as motions
 from pneudrive.identify.follow.driven import DrivenCircuit, MotionRecordings, driven_recordings
 from pneudrive.identify.follow.problem import FollowProblem, FollowSolution, solve_follow
 from pneudrive.identify.identified import FittedData, comparison_figure
+from pneudrive.identify.volume import RegulatorFit
 from pneudrive.lazy_names import upper
 from pneudrive.progress import Flag, Progress, Watch
 from pneudrive.signals.drive_recording import read_volume_recordings
+from pneudrive.signals.layout import AnyLayout
 from pneudrive.signals.motion import NOISE_FACTOR, local_slope, noise_level
 from pneudrive.signals.pressure_delay import PressureDelay, pressure_delay
 from pneudrive.signals.recording import Recording
 from pneudrive.simulation.trajectory import check_target, columns_in, write_frame, write_whole
 from pneudrive.validate.balance import HELD_OUT, MADE, NONE_HELD_OUT, Metrics, badge_of, held_out_notes, metrics
 from pneudrive.views import Reported, ShownFigure, ShownValue, View
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Sequence
-
-    from pneudrive.identify.volume import RegulatorFit
-    from pneudrive.signals.layout import AnyLayout
-
 
 # --- Validation of a friction law against measured sliding friction: a friction map or the curves of a campaign.
 
@@ -174,7 +169,7 @@ def _of_map(drive: Drive, path: Path) -> Iterator[pl.DataFrame]:
         mine = np.flatnonzero(good & (rounded == (a, b)).all(axis=1) & (direction_of == direction))
         order = mine[np.argsort(np.abs(velocity[mine]))]
         if order.size:
-            means = (float(g[order].mean()) for g in gauges)
+            means = (g[order].mean() for g in gauges)
             measured = (friction[order], friction[order] - band[order], friction[order] + band[order])
             name = f"a {a / 10:g} bar, b {b / 10:g} bar gauge"
             yield _curve(drive, name, direction, means, np.abs(velocity[order]), *measured)
@@ -294,7 +289,7 @@ def close_balance(recording: Recording) -> Closure:
     recording : Recording
         Recording with force, pressures and parallel forces.
     """
-    delay, begin = pressure_delay(recording), float(recording.time_s[0])
+    delay, begin = pressure_delay(recording), recording.time_s[0]
     if delay is None or not delay.is_clear:
         return replace(_balance(recording, begin), delay=delay)
     return replace(_balance(delay.removed(recording), begin), delay=delay, recorded=_balance(recording, begin))
@@ -366,9 +361,9 @@ class _Sliding:
     def closed(self, recording: Recording) -> tuple[Array, Array, float]:
         """Return the coefficients of friction, the residual, and the mean power of friction, positive if it brakes."""
         balance = recording.balance_n()[self.use]
-        found = np.asarray(np.linalg.lstsq(self.base, balance, rcond=None)[0], dtype=float)
+        found = np.linalg.lstsq(self.base, balance, rcond=None)[0]
         friction = self.base @ found
-        return found, balance - friction, float(np.mean(friction * self.speed))
+        return found, balance - friction, np.mean(friction * self.speed)
 
 
 def _doubts(recording: Recording, sliding: _Sliding, share: float, *, brakes: bool) -> list[str]:

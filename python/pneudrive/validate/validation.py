@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, overload
@@ -12,7 +12,7 @@ import numpy as np
 from pneudrive import __version__
 from pneudrive.describe import Circuit, Drive
 from pneudrive.describe.files import toml
-from pneudrive.errors import CommandError, DescriptionError
+from pneudrive.errors import CommandError
 from pneudrive.files.inputs import INPUTS, inputs_of, stored_beside
 from pneudrive.identify.dynamic.result import DriveFit
 from pneudrive.identify.follow.driven import check_follow
@@ -23,6 +23,7 @@ from pneudrive.lazy_names import upper
 from pneudrive.progress import Flag, Progress, Watch
 from pneudrive.repr_tables import Shown
 from pneudrive.signals.drive_recording import NEEDED, OPTIONAL, check_plausible, moves, read_drive_recordings, time_gaps
+from pneudrive.simulation.simulate import positive, require
 from pneudrive.simulation.trajectory import save_columns, write_whole
 from pneudrive.validate import balance
 from pneudrive.validate.diagnosis import Diagnosis, diagnose
@@ -128,9 +129,10 @@ class Validation(Viewed):
 
     drive: Drive
     records: tuple[RecordResult, ...]
-    window_s: float = WINDOW_S
-    notes: tuple[str, ...] = ()
-    fitted: Mapping[str, str] = field(default_factory=dict)
+    window_s: float
+    notes: tuple[str, ...]
+    fitted: Mapping[str, str]
+    _diagnosis: Diagnosis
 
     def badge(self, record: RecordResult) -> str:
         """Return whether a recording ``made the fit`` or was ``held out``; empty if it is not known."""
@@ -188,12 +190,9 @@ class Validation(Viewed):
                 rows.append(row)
         return rows
 
-    def diagnosis(self, progress: Progress | None = None, cancel: Flag | None = None) -> Diagnosis:
+    def diagnosis(self) -> Diagnosis:
         """Return the causes that explain the residuals; see `pneudrive.validate.diagnosis`."""
-        if "_diagnosis" not in vars(self):
-            found = diagnose(self.drive, [r.signals for r in self.records], progress=progress, cancel=cancel)
-            vars(self)["_diagnosis"] = found
-        return vars(self)["_diagnosis"]
+        return self._diagnosis
 
     def write(self, folder: str | Path) -> list[Path]:
         """Write validation.toml (metrics, verdicts, diagnosis) and run-1.parquet, ... into an existing folder.
@@ -290,10 +289,7 @@ def validate(
 ) -> MotionValidation: ...
 @overload
 def validate(
-    drive: RegulatorFit,
-    recordings: str | Path | Sequence[str | Path],
-    *,
-    layout: AnyLayout = None,
+    drive: RegulatorFit, recordings: str | Path | Sequence[str | Path], *, layout: AnyLayout = None
 ) -> RegulatorValidation: ...
 def validate(
     drive: Any,
@@ -364,12 +360,8 @@ def validate(
         drive, sensors = drive.apply(), drive if sensors is None else sensors
     if isinstance(drive, Circuit):
         raise CommandError(**stated("application", "not_a_drive", name=drive.name))
-    if not hasattr(drive, "core_json"):
-        raise DescriptionError(
-            f"drive is a {type(drive).__name__}, not a drive", remedy='Write pn.Drive.load("drive.toml").'
-        )
-    if not (np.isfinite(window_s) and window_s > 0.0):
-        raise CommandError(f"window = {window_s} s is out of bounds", rule="greater than 0")
+    require(drive, "core_json", "drive", 'pn.Drive.load("drive.toml")')
+    window_s = positive(window_s, "s", "window")
     watch = Watch(progress, cancel)
     read = []
     known = [SWITCHES] * (drive.valve.time_on_s is not None)
@@ -385,9 +377,8 @@ def validate(
     records = tuple(_record(drive, balance.Signals.of(r), window_s) for r in watch.each(read, "recordings simulated"))
     badges = [balance.badge_of(r.name, r.sha256, fitted) for r in read]
     notes = (*balance.held_out_notes(badges), *known, *_notes(records), *time_gaps(read))
-    found = Validation(drive, records, window_s, notes, fitted)
-    found.diagnosis(progress, cancel)
-    return found
+    diagnosis = diagnose(drive, [record.signals for record in records], progress=progress, cancel=cancel)
+    return Validation(drive, records, window_s, notes, fitted, diagnosis)
 
 
 SWITCHES = "The valve has switching times, but the balances assume immediate switching, so no cause is named."
@@ -427,7 +418,7 @@ def _notes(records: Sequence[RecordResult]) -> Iterator[str]:
 def _record(drive: Drive, signals: balance.Signals, window_s: float) -> RecordResult:
     free = balance.run_model(drive, signals)
     every = max(round(window_s / signals.step_s), 2)
-    restarted = balance.run_model(drive, signals, np.arange(0, max(signals.time_s.size - every // 2, 1), every))
+    restarted = balance.run_model(drive, signals, range(0, max(signals.time_s.size - every // 2, 1), every))
     stimuli = {
         "command": signals.command,
         "direction": signals.direction,
@@ -463,7 +454,7 @@ def run_columns(record: RecordResult) -> Columns:
         table[name] = np.interp(signals.time_s, recording.time_s, recording[name])
     for run, words in ((record.free, "free"), (record.restarted, "restarted")):
         table |= {f"{words}.{name}": run[name] for name in CHANNELS}
-    return {name: np.ascontiguousarray(values, dtype=float) for name, values in table.items()}
+    return table
 
 
 def _record_table(record: RecordResult) -> Plain:
