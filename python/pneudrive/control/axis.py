@@ -80,14 +80,11 @@ def refused(belief: Circuit, key: str, message: str, **values: object) -> Descri
 
 def _chambers(joints: list[list[str]], port: str, cylinder: str, ends: set[str]) -> set[str]:
     """Return the chambers to which a port leads. The search does not pass through `ends` and the ambient."""
-    left, reached = [joint for joint in joints if port in joint], []
-    while left:
-        joint = left.pop()
-        if joint in reached or "ambient" in joint:
-            continue
-        reached.append(joint)
-        through = {_component(one) for one in joint} - ends
-        left += [other for other in joints if any(_component(one) in through for one in other)]
+    front, reached = [joint for joint in joints if port in joint], list[list[str]]()
+    while front := [joint for joint in front if "ambient" not in joint and joint not in reached]:
+        reached += front
+        through = {_component(one) for joint in front for one in joint} - ends
+        front = [joint for joint in joints if any(_component(one) in through for one in joint)]
     return {one for joint in reached for one in joint if _component(one) == cylinder}
 
 

@@ -8,22 +8,23 @@ import math
 import re
 import threading
 import uuid
-from collections import Counter
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass, fields, replace
 from functools import lru_cache
+from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from pneudrive.arrays import attributes_of
 from pneudrive.batching import processors
-from pneudrive.control.loop import RTOL, Prepared, prepare, run_prepared
-from pneudrive.control.mismatch import Mismatch, MismatchOrFile, mismatched, read_mismatch
+from pneudrive.control.loop import RTOL, Prepared, deviating, prepare, run_prepared
+from pneudrive.control.mismatch import Mismatch, MismatchOrFile, read_mismatch
 from pneudrive.control.own_law import is_own
 from pneudrive.control.references import NAMES, USUAL, ReferenceOrFile, named_or_read, reference
 from pneudrive.control.scores import SHOWN, SPREAD_SHOWN, Score, written
-from pneudrive.control.setup import Setup, SetupOrFile, read_setup
+from pneudrive.control.setup import SetupOrFile, read_setup
 from pneudrive.control.tuning import Tuning, laws, tune
 from pneudrive.errors import CommandError, RecordingError, SimulationError
 from pneudrive.files.content import read_json, read_text
@@ -131,10 +132,8 @@ class ControlComparison(Viewed):
     @property
     def truth(self) -> NamedIntervals:
         """Least and largest true value of each number that deviates from the description."""
-        each: dict[str, list[float]] = {}
-        for run in self.runs:
-            for name, value in run.truth.items():
-                each.setdefault(name, []).append(value)
+        names = dict.fromkeys(name for run in self.runs for name in run.truth)
+        each = {name: [run.truth[name] for run in self.runs if name in run.truth] for name in names}
         return {name: (min(values), max(values)) for name, values in each.items()}
 
     def of(self, law: str, along: str) -> list[ControlledRun]:
@@ -164,9 +163,8 @@ class ControlComparison(Viewed):
 
     def best(self, along: str, measure: str = "max_error_m") -> str | None:
         """Return the controller with the smallest median of a measure along a reference; None if all failed."""
-        errors = {law: self.middle(law, along, measure) for law in self.laws}
-        known = {law: error for law, error in errors.items() if error is not None}
-        return min(known, key=lambda law: known[law]) if known else None
+        known = {law: error for law in self.laws if (error := self.middle(law, along, measure)) is not None}
+        return min(known, key=lambda law: known[law], default=None)
 
     def lost(self, law: str, along: str) -> int:
         """Return the number of runs that failed, or whose error exceeded 20 mm."""
@@ -181,23 +179,22 @@ class ControlComparison(Viewed):
         measures : collection of str
             Default: all measures; for a spread, those in `SPREAD_SHOWN`.
         """
-        shares = SHARES if self.spread else SHARES[:1]
+        shares, empty = (SHARES, "-") if self.spread else (SHARES[:1], "")
         label = along if len(along) <= LONGEST_NAME else f"reference {list(self.references).index(along) + 1}"
-        out = []
-        for name in SPREAD_SHOWN if self.spread else measures or SHOWN:
-            cells = {
-                law: [written(name, self.within(law, along, name, share)) for share in shares] for law in self.laws
-            }
-            if any(map(any, cells.values())):
-                empty = "-" if len(shares) > 1 else ""
-                texts = ((law, " / ".join(cell or empty for cell in each)) for law, each in cells.items())
-                out += [
-                    ShownValue(f"{along}.{law}.{name}", f"{label}: {SHOWN[name][0]}", law, text) for law, text in texts
-                ]
+
+        def text(law: str, name: str) -> str:
+            return " / ".join(written(name, self.within(law, along, name, share)) or empty for share in shares)
+
+        names = SPREAD_SHOWN if self.spread else measures or SHOWN
+        columns = {name: (SHOWN[name][0], {law: text(law, name) for law in self.laws}) for name in names}
         lost = {law: (self.lost(law, along), len(self.of(law, along))) for law in self.laws}
-        texts = ((law, f"{count} of {total}" if count else "") for law, (count, total) in lost.items())
-        rows = [ShownValue(f"{along}.{law}.lost", f"{label}: lost", law, text) for law, text in texts]
-        return out + (rows if any(count for count, _ in lost.values()) else [])
+        columns["lost"] = "lost", {law: f"{count} of {total}" * (count > 0) for law, (count, total) in lost.items()}
+        return [
+            ShownValue(f"{along}.{law}.{name}", f"{label}: {title}", law, text)
+            for name, (title, texts) in columns.items()
+            if any(text.strip("- /") for text in texts.values())
+            for law, text in texts.items()
+        ]
 
     def view(self) -> View:
         """Return a view: best law along each reference, measures and tracks of all laws, and true drive values."""
@@ -216,14 +213,10 @@ class ControlComparison(Viewed):
         names, rows = [one.name for one in fields(Score)], []
         for run in self.runs:
             score = dict.fromkeys(names) if run.score is None else run.score.to_dict()
-            about = {
-                "law": run.law,
-                "reference": self.references[run.reference],
-                "seed": run.seed,
-                "reason": run.reason,
-            }
-            file = {"run": run.file.name if run.file.is_file() else None}
-            rows.append(about | score | file | {f"{_TRUE}{name}": value for name, value in run.truth.items()})
+            about = attributes_of(run, "law", "reference", "seed", "reason")
+            about |= {"reference": self.references[run.reference], **score}
+            about |= {"run": run.file.name if run.file.is_file() else None}
+            rows.append(about | {f"{_TRUE}{name}": value for name, value in run.truth.items()})
         write_frame(pl.DataFrame(rows, infer_schema_length=None), Path(path))
         return Path(path)
 
@@ -259,7 +252,7 @@ def store_about(folder: Path, about: Keyed) -> None:
     """
     path = folder / ABOUT
     try:
-        for name in (SCORES, TABLE):
+        for name in (SCORES, TABLE, SO_FAR):
             (folder / name).unlink(missing_ok=True)
         write_whole(path, json.dumps({"schema": 1, **about}, indent=1) + "\n")
     except OSError as error:
@@ -296,43 +289,42 @@ def read_comparison(folder: str | Path) -> ControlComparison:
     try:
         asked: Plain = {name: str(about[name]) for name in ("drive", "setup", "mismatch", "spread")}
         asked |= {"references": dict(about["references"]), "count": int(about["count"]), "about": dict(about)}
-        runs = _runs(place, asked["references"])
         if not isinstance(about["laws"], dict) or not isinstance(about["plant"], list):
             raise TypeError("laws or plant")
+        runs = tuple((_finished if (place / TABLE).is_file() else _running)(place, about))
     except (LookupError, TypeError, ValueError, AttributeError) as error:
         raise CommandError(f"{path} is damaged", value=str(error), remedy="Run the comparison again.") from None
     return ControlComparison(place, runs=runs, **asked)
 
 
-def _runs(folder: Path, references: Mapping[str, str]) -> tuple[ControlledRun, ...]:
+def _running(folder: Path, about: Keyed) -> list[ControlledRun]:
+    """Return the runs that are finished so far."""
+    text = ""
+    with suppress(CommandError):  # no run is finished, or there are so many that they are reported at the end
+        text = read_text(folder / SO_FAR, CommandError)
+    lines = _logged(text, "law", "reference", "seed", "reason", "run")
+    return [
+        ControlledRun(law, along, seed, score, reason, folder / RUNS / Path(file).name, {})
+        for score, (law, along, seed, reason, file) in lines
+        if along in about["references"]
+    ]
+
+
+def _finished(folder: Path, about: Keyed) -> Iterator[ControlledRun]:
+    """Yield the runs of a finished comparison. Its table has a row for each reference, law and seed in this order."""
     import polars as pl
 
     path = folder / TABLE
-    if not path.is_file():
-        text = ""
-        with suppress(CommandError):  # no run is finished, or there are so many that they are reported at the end
-            text = read_text(folder / SO_FAR, CommandError)
-        lines = _logged(text, "law", "reference", "seed", "reason", "run")
-        return tuple(
-            ControlledRun(law, along, seed, score, reason, folder / RUNS / Path(file).name, {})
-            for score, (law, along, seed, reason, file) in lines
-            if along in references
-        )
     if not open_table(path, "parquet", CommandError).is_sealed:  # its hash shows that this package wrote the bytes
         raise CommandError(f"{path} is damaged or was changed", remedy="Run the comparison again.")
-    table = pl.read_parquet(path)
     measures = [one.name for one in fields(Score)]
-    true = [name for name in table.columns if name.startswith(_TRUE)]
-    out, times = [], Counter[tuple[str, str, int]]()  # two names may have equal texts: their runs come in this order
-    for row in table.iter_rows(named=True):
+    keys = product(about["references"], about["laws"], range(1, about["count"] + 1))
+    for (along, law, seed), row in zip(keys, pl.read_parquet(path).iter_rows(named=True), strict=True):
         score = None if row["reason"] else Score(**{name: row[name] for name in measures})
-        truth = {name.removeprefix(_TRUE): row[name] for name in true if row[name] is not None}
+        truth = {name.removeprefix(_TRUE): value for name, value in row.items() if name.startswith(_TRUE)}
+        truth = {name: value for name, value in truth.items() if value is not None}
         file = folder / RUNS / Path(row["run"] or "none.parquet").name
-        law, text, seed = row["law"], row["reference"], row["seed"]
-        along = [name for name, own in references.items() if own == text][times[law, text, seed]]
-        times[law, text, seed] += 1
-        out.append(ControlledRun(law, along, seed, score, row["reason"], file, truth))
-    return tuple(out)
+        yield ControlledRun(law, along, seed, score, row["reason"], file, truth)
 
 
 def _log(path: Path, score: Score | None, entry: Plain) -> None:
@@ -388,8 +380,7 @@ def key_of(prepared: Prepared, seed: int, mark: str) -> str:
         "controller": prepared.tuning.core(),
         "motion": prepared.reference.core(),
         "setup": prepared.setup.core(seed, prepared.circuit.ambient.pressure_pa),
-        "start": prepared.start,
-        "duration_s": prepared.duration_s,
+        **attributes_of(prepared, "start", "duration_s"),
         "rtol": RTOL,
     }
     if prepared.tuning.own is not None:
@@ -407,8 +398,9 @@ class Store:
         Key of a run -> its score and the reason of its failure, from lines that the folder already has.
     """
 
-    def __init__(self, out: Path, *, keeps: bool, mark: str) -> None:
-        self.folder, self.lines, self.keeps, self.mark = out / RUNS, out / KEPT, keeps, mark
+    def __init__(self, out: Path, *, spread: Mismatch | None, mark: str) -> None:
+        self.folder, self.lines, self.so_far = out / RUNS, out / KEPT, out / SO_FAR
+        self.spread, self.mark = spread, mark
         self.lock = threading.Lock()
         make_subfolder(self.folder)
         try:
@@ -420,15 +412,16 @@ class Store:
             with open_to_append(self.lines) as file:
                 file.write("\n")
 
-    def run(self, prepared: Prepared, law: str, along: str, seed: int) -> ControlledRun:
+    def run(self, prepared: Prepared, along: str, law: str, seed: int) -> ControlledRun:
         """Return a stored run. If it is not stored, simulate and store it."""
+        prepared = true_drive(prepared, self.spread, seed)
         key = key_of(prepared, seed, self.mark)
         plain = re.sub(r"[^A-Za-z0-9]+", "-", f"{law}_{along}").strip("-")[:60]
         file = self.folder / f"{plain}_{seed}_{key[:12]}.parquet"
-        is_kept = self.keeps or seed == 1
+        is_kept = self.spread is None or seed == 1
         score, reason = self.known.get(key, (None, ""))
         if is_kept and not reason:
-            score = _score_in(file, key)
+            score = _score_in(file)
         if score is None and not reason:
             try:
                 run = run_prepared(prepared._replace(step_repeats=STEP_REPEATS if is_kept else 1), seed)
@@ -441,26 +434,23 @@ class Store:
             if reason or not is_kept:
                 with self.lock:
                     _log(self.lines, score, {"key": key, "reason": reason})
+        with self.lock:
+            entry = {"law": law, "reference": along, "seed": seed, "reason": reason, "run": file.name}
+            _log(self.so_far, score, entry)
         return ControlledRun(law, along, seed, score, reason, file, prepared.deviations)
 
 
-def _score_in(file: Path, key: str) -> Score | None:
-    """Return the score of a finished run; None if the file is missing, damaged, or belongs to another run."""
-    if not file.exists():
-        return None
-    try:
-        table = open_table(file, "parquet")
-    except RecordingError:
-        return None
-    said = json.loads(table.metadata.get("pneudrive", "{}"))
-    if not table.is_sealed or said.get("key") != key:
-        return None
-    return Score(**said["score"])
+def _score_in(file: Path) -> Score | None:
+    """Return the score of a finished run; None if the file is missing or damaged."""
+    with suppress(RecordingError):
+        if file.exists() and (table := open_table(file, "parquet")).is_sealed:
+            return Score(**json.loads(table.metadata["pneudrive"])["score"])
+    return None
 
 
 MOST_SEEDS = 100_000
 MEMBERS = 200  # members of a spread by default
-SPREAD_SEED, MOST_TRUTHS = 0, 64  # seed of a spread's samples; members that are held at a time
+SPREAD_SEED = 0
 
 
 def standard(drive: DriveOrCircuit) -> dict[str, Reference]:
@@ -547,109 +537,62 @@ def benchmark(
     """
     if spread is not None and mismatch is not None:
         raise CommandError.of("control.spread_and_mismatch")
-    folder, count = Path(out), _count(seeds, members, is_spread=spread is not None)
+    if spread is None and members is not None:
+        raise CommandError(f"members = {members} without a spread", remedy='Give a spread, for instance "standard".')
+    folder = Path(out)
+    given = ("seeds", seeds) if spread is None else ("members", MEMBERS if members is None else members)
+    count = whole_number(*given, 1, MOST_SEEDS)
     own, of_spread = (None, "") if spread is None else read_mismatch(spread)
     read, name = read_setup(setup)
     tunings = _tunings(drive, laws, {"setup": read, "allow_code": allow_code})
-    at_once = _at_once(threads, tunings)
+    at_once = processors() if threads is None else whole_number("threads", threads, 1, MOST_SEEDS)
+    if any(tuning.own is not None for tuning in tunings.values()):  # all runs share the object of a custom law
+        at_once = 1
     to_follow = _references(drive, references)
     prepared = {
-        (law, along): prepare(drive, None, one, setup=setup, controller=tuning, mismatch=mismatch)
-        for law, tuning in tunings.items()
+        (along, law): prepare(drive, None, one, setup=setup, controller=tuning, mismatch=mismatch)
         for along, one in to_follow.items()
+        for law, tuning in tunings.items()
     }
-    store = Store(folder, keeps=own is None, mark=mark_of(folder, tunings))
+    store = Store(folder, spread=own, mark=mark_of(folder, tunings))
     first = next(iter(prepared.values()))
-    prepared_for = _by_member(prepared, own)
-    prepared_for(*next(iter(prepared)), 1)  # before the scores of another comparison go: does the spread fit the drive?
-
+    true_drive(first, own, 1)  # before the scores of another comparison go: does the spread fit the drive?
     about: Plain = {"drive": drive.name, "setup": name, "setup_about": read.about, "mismatch": first.mismatch}
-    about |= {"spread": of_spread, "count": count, "rtol": RTOL}
-    about |= {"references": {along: motion.text for along, motion in to_follow.items()}}
-    missed = {along: motion.points_missed_m for along, motion in to_follow.items()}
-    about |= {"points_missed_m": {along: far for along, far in missed.items() if far is not None}}
-    about |= assumptions(tunings) | {"mark": store.mark}
-    inputs = [one for tuning in tunings.values() for one in inputs_of(tuning.belief)]
-    about |= stored_beside({INPUTS: inputs}, folder)
+    about |= {"spread": of_spread, "count": count, "rtol": RTOL, "mark": store.mark, **_assumed(to_follow, tunings)}
     asked = {"drive": named, "laws": laws, "references": references, "setup": setup, "mismatch": mismatch}
     asked |= {"spread": spread, "count": count}
-    store_about(folder, about | {"asked": json.loads(json.dumps(asked, default=lambda _: None)) if named else None})
-
-    # Members outermost, so that each of their circuits is compiled once.
-    each = [(law, along, seed) for seed in range(1, count + 1) for along in to_follow for law in tunings]
-    runs = _run_all(folder, store, each, prepared_for, at_once, Watch(progress, cancel))
-    order = [(law, along, seed) for along in to_follow for law in tunings for seed in range(1, count + 1)]
-    made = replace(read_comparison(folder), runs=tuple(map(runs.__getitem__, order)))
+    about |= {"asked": json.loads(json.dumps(asked, default=lambda _: None)) if named else None}
+    store_about(folder, stored_beside(about, folder))
+    with ThreadPoolExecutor(at_once) as pool:
+        # Members outermost, so that each of their circuits is compiled once.
+        each = product(range(1, count + 1), prepared)
+        futures = {(seed, key): pool.submit(store.run, prepared[key], *key, seed) for seed, key in each}
+        try:
+            for future in Watch(progress, cancel).each(futures.values(), "runs"):
+                future.result()
+        finally:  # after an exception, runs that have not begun are cancelled
+            pool.shutdown(wait=False, cancel_futures=True)
+    runs = [futures[seed, key].result() for key in prepared for seed in range(1, count + 1)]
+    made = replace(read_comparison(folder), runs=tuple(runs))
     for table in (SCORES, TABLE):
         made.save(folder / table)
     (folder / SO_FAR).unlink(missing_ok=True)
     return made
 
 
-def _by_member(
-    prepared: Mapping[tuple[str, str], Prepared], spread: Mismatch | None
-) -> Callable[[str, str, int], Prepared]:
-    """Return a function that returns the inputs of a run. Each member of a spread has another simulated drive."""
-    first = next(iter(prepared.values()))
-
-    @lru_cache(maxsize=MOST_TRUTHS)
-    def true_drive(member: int) -> tuple[str, NamedNumbers, Setup, NamedNumbers]:
-        assert spread is not None
-        return mismatched(first.core_json, first.plant, first.setup, spread, spread.drawn(SPREAD_SEED, member))
-
-    def prepared_for(law: str, along: str, seed: int) -> Prepared:
-        described = prepared[law, along]
-        if spread is None:
-            return described
-        core_json, volume, setup, true = true_drive(seed)
-        return described._replace(core_json=core_json, start=described.start | volume, setup=setup, deviations=true)
-
-    return prepared_for
+def true_drive(described: Prepared, spread: Mismatch | None, member: int) -> Prepared:
+    """Return the inputs of a run of one member of a spread; without a spread, those of the described drive."""
+    return described if spread is None else deviating(described, spread, spread.drawn(SPREAD_SEED, member))
 
 
-def _count(seeds: int, members: int | None, *, is_spread: bool) -> int:
-    """Return the number of seeds, or of members of a spread."""
-    if is_spread:
-        return whole_number("members", MEMBERS if members is None else members, 1, MOST_SEEDS)
-    if members is not None:
-        raise CommandError(f"members = {members} without a spread", remedy='Give a spread, for instance "standard".')
-    return whole_number("seeds", seeds, 1, MOST_SEEDS)
-
-
-def _at_once(threads: int | None, tunings: Mapping[str, Tuning]) -> int:
-    """Return the number of simultaneous runs. With a custom law this is 1, because all runs share its object."""
-    at_once = processors() if threads is None else whole_number("threads", threads, 1, MOST_SEEDS)
-    has_own = any(tuning.own is not None for tuning in tunings.values())
-    return 1 if has_own else at_once
-
-
-def _run_all(
-    folder: Path,
-    store: Store,
-    each: Sequence[tuple[str, str, int]],
-    prepared_for: Callable[[str, str, int], Prepared],
-    threads: int,
-    watch: Watch,
-) -> dict[tuple[str, str, int], ControlledRun]:
-    """Return the runs by law, reference and seed. Write a line for each finished run into a file of the folder.
-
-    After an exception, runs that have not begun are cancelled.
-    """
-    (folder / SO_FAR).unlink(missing_ok=True)
-
-    def run_logged(law: str, along: str, seed: int) -> ControlledRun:
-        run = store.run(prepared_for(law, along, seed), law, along, seed)
-        entry = {"law": law, "reference": along, "seed": seed, "reason": run.reason, "run": run.file.name}
-        with store.lock:
-            _log(folder / SO_FAR, run.score, entry)
-        return run
-
-    with ThreadPoolExecutor(threads) as pool:
-        try:
-            futures = [pool.submit(run_logged, *key) for key in each]
-            return dict(zip(each, [future.result() for future in watch.each(futures, "runs")], strict=True))
-        finally:
-            pool.shutdown(wait=False, cancel_futures=True)
+def _assumed(references: Mapping[str, Reference], tunings: Mapping[str, Tuning]) -> Plain:
+    """Return references and assumptions of a comparison as plain data."""
+    missed = {along: motion.points_missed_m for along, motion in references.items()}
+    return assumptions(tunings) | {
+        "references": {along: motion.text for along, motion in references.items()},
+        "points_missed_m": {along: far for along, far in missed.items() if far is not None},
+        INPUTS: [one for tuning in tunings.values() for one in inputs_of(tuning.belief)],
+    }
 
 
 def _tunings(drive: DriveOrCircuit, asked: object, options: Plain) -> dict[str, Tuning]:

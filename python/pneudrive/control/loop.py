@@ -8,14 +8,14 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from pneudrive import _core
-from pneudrive.arrays import NamedNumbers
+from pneudrive.arrays import NamedNumbers, attributes_of
 from pneudrive.control.axis import supply_of
 from pneudrive.control.mismatch import OF_VALVE, Mismatch, MismatchOrFile, mismatched, read_mismatch
 from pneudrive.control.motion import NEVER, Reference, rounded_up
 from pneudrive.control.references import ReferenceOrFile, beyond_stroke, check_reach, named_or_read
 from pneudrive.control.scores import air_of, score_of
 from pneudrive.control.setup import CHANNEL_UNITS, Setup, SetupOrFile, read_setup, ready_setups, told
-from pneudrive.control.tuning import ControllerOrFile, Plant, Tuning, laws, tune
+from pneudrive.control.tuning import Controller, ControllerOrFile, Plant, Tuning, laws, tune
 from pneudrive.describe.system import compiled
 from pneudrive.errors import CommandError, PneudriveError, SimulationError, warn
 from pneudrive.files.inputs import INPUTS, inputs_of
@@ -114,23 +114,17 @@ class Feasibility(Viewed):
         valve = f"{_percent(own.valve_share)} of its opening at {own.valve_at_s:.3g} s"
         if own.valve_exceeded_s:
             valve += f"; more than the full opening for {1e3 * own.valve_exceeded_s:.2g} ms in all"
-        shares = (
-            ("largest speed", own.speed_share, speed),
-            ("valve", own.valve_share, valve),
-            ("force", own.force_share, force),
-        )
-        passed: State = "open" if self.left_out else "good"
-        leading = [
-            ShownValue(name, name, VALUE, text, state="bad" if share > SHARE else passed)
-            for name, share, text in shares
-        ]
         positions = f"{1e3 * reach.lowest_m:g} .. {1e3 * reach.highest_m:g} mm of {1e3 * self.stroke_m:g} mm"
         texts = {"positions": positions}
         if self.reference.points_missed_m is not None:
             texts["points missed by"] = f"{1e6 * self.reference.points_missed_m:.3g} um at most"
         if self.left_out:
             texts["left out"] = ", ".join(self.left_out)
+        texts |= {"largest speed": speed, "valve": valve, "force": force}
         rows = [ShownValue(name, name, VALUE, text) for name, text in texts.items()]
+        passed: State = "open" if self.left_out else "good"
+        shares = zip(rows[-3:], (own.speed_share, own.valve_share, own.force_share), strict=True)
+        leading = [replace(row, state="bad" if share > SHARE else passed) for row, share in shares]
         limit = f"{100.0 * SHARE:.0f} % of each limit"
         model = f"{limit} of a model without {', '.join(self.left_out)}" if self.left_out else limit
         beyond = beyond_stroke(self.reference, self.stroke_m)
@@ -148,13 +142,8 @@ class Feasibility(Viewed):
             slowed = f"slowed by a factor of {rounded_up(self.factor):g}{as_text}, it takes at most {model}"
             verdict = f"no: {slowed}; pneudrive control run shows the error at full speed"
         state = passed if self.factor == 1.0 else "bad"
-        return View(
-            self.reference.text,
-            (*rows, *(replace(value, state="good") for value in leading)),
-            state=state,
-            leading=leading,
-            findings=(Finding(f"Feasible: {verdict}", state),),
-        )
+        findings = [Finding(f"Feasible: {verdict}", state)]
+        return View(self.reference.text, rows, state=state, leading=leading, findings=findings)
 
 
 def _percent(share: float) -> str:
@@ -242,7 +231,7 @@ def suitability(drive: DriveOrCircuit, setup: SetupOrFile = "real") -> View:
     unfit = "" if valves == ["valve/proportional-5/3"] else "; cannot be exported for these valves"
     tried = []
     for law in laws():
-        trials = {of: _trial(drive, law, setup, {"moving_mass": mass}) for of, mass in MASSES.items()}
+        trials = {of: _trial(drive, Controller(law=law), setup, {"moving_mass": mass}) for of, mass in MASSES.items()}
         faults = [f"{of} it {fault}" for of, (_, fault) in trials.items() if fault]
         error_m = max(error_m for error_m, _ in trials.values())
         export = unfit or ("; exported as an FMU only" if law == "nmpc" else "")
@@ -262,17 +251,16 @@ def suitability(drive: DriveOrCircuit, setup: SetupOrFile = "real") -> View:
 
 def _trial(
     drive: DriveOrCircuit,
-    controller: Tuning | str,
+    controller: Tuning | Controller,
     setup: SetupOrFile,
     deviations: Mapping[str, float | str],
 ) -> tuple[float, str]:
     """Run a drive that deviates from its description. Return the largest error (m) and the fault, if any."""
     mismatch = Mismatch.model_validate(deviations)
-    law, tuning = (controller, None) if isinstance(controller, str) else (None, controller)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         try:
-            prepared = prepare(drive, law, ALONG, setup=setup, controller=tuning, mismatch=mismatch)
+            prepared = prepare(drive, None, ALONG, setup=setup, controller=controller, mismatch=mismatch)
             told = run_prepared(prepared, seed=1).provenance
         except PneudriveError as error:
             return float("inf"), f"cannot run: {error.what}"
@@ -503,21 +491,26 @@ def prepare(
     usual = plant.at_rest(float(to_follow.at([0.0])[0, 0]))
     taken = {names.get(key) for key in given}
     start = circuit.core_initial({key: value for key, value in usual.items() if names[key] not in taken} | given)
-    core_json, deviations, called, unseen = circuit.core_json(), NamedNumbers(), "", ""
+    prepared = Prepared(circuit, tuning, plant, to_follow, read, name, start, seconds, circuit.core_json(), {})
+    unseen = ""
     if mismatch is not None:
         own, called = read_mismatch(mismatch)
         wide = next((key for key, (low, high) in own.ranges.items() if low < high), None)
         if wide is not None:
             raise CommandError.of("control.spread", name=called, key=wide)
         drawn = own.drawn(0, 0)
-        core_json, volume, read, deviations = mismatched(core_json, plant, read, own, drawn)
-        start |= volume
-        unseen = next(iter(drawn.keys() - deviations.keys()), "").removesuffix("_b")
-    prepared = Prepared(circuit, tuning, plant, to_follow, read, name, start, seconds, core_json, deviations, called)
+        prepared = deviating(prepared, own, drawn)._replace(mismatch=called)
+        unseen = next(iter(drawn.keys() - prepared.deviations.keys()), "").removesuffix("_b")
     warnings = tuple(_warnings(prepared, unseen))
     for said in warnings:
         warn(said)
     return prepared._replace(warnings=warnings)
+
+
+def deviating(prepared: Prepared, mismatch: Mismatch, drawn: NamedNumbers) -> Prepared:
+    """Return the inputs of a run of a drive that deviates by the sampled values of a mismatch."""
+    core_json, volume, setup, true = mismatched(prepared.core_json, prepared.plant, prepared.setup, mismatch, drawn)
+    return prepared._replace(core_json=core_json, start=prepared.start | volume, setup=setup, deviations=true)
 
 
 def _warnings(prepared: Prepared, unseen: str) -> Iterator[str]:
@@ -562,24 +555,23 @@ def run_prepared(prepared: Prepared, seed: int, watch: Watch = UNWATCHED) -> Run
     (columns,), _, mass_kg = run_axes(prepared.core_json, prepared.start, axes, [], seconds, watch, own)
     events = told(columns.pop("events", []))
     named = {meaning(column)[0]: values for column, values in columns.items()}
-    gas = circuit.gas.heat_capacity_ratio, circuit.gas.gas_constant_j_kg_k
-    air = air_of(mass_kg, supply_of(prepared.core_json), (ambient_pa, circuit.ambient.temperature_k), gas)
-    found = score_of(named["time"], named, motion, air)
-    said: Plain = {"air": air, "score": found.to_dict(), "events": events, "samples": len(named["time"])}
-    if own is not None and own.failure is not None:  # the standby law has taken over
-        said["law_failure"] = str(own.failure)
+    air = air_of(mass_kg, supply_of(prepared.core_json), circuit)
     model, reference = tuning.belief.name, prepared.reference
-    named = {"points_missed_m": reference.points_missed_m, "model": None if model == circuit.name else model}
-    made = {key: value for key, value in named.items() if value is not None}
-    made |= provenance_of(circuit, tuning, (prepared.setup, prepared.setup_name), reference.text, seed)
-    made |= {
+    made = {
+        "points_missed_m": reference.points_missed_m,
+        "model": None if model == circuit.name else model,
+        "law_failure": own and own.failure and str(own.failure),  # the standby law has taken over
+        **provenance_of(circuit, tuning, (prepared.setup, prepared.setup_name), reference.text, seed),
         "factors": tuning.controller.factors.to_dict(),
         "belief_hash": tuning.belief.description_hash,
-        "mismatch": prepared.mismatch,
-        "deviations": prepared.deviations,
+        **attributes_of(prepared, "mismatch", "deviations"),
         "motion": motion,
+        "air": air,
+        "score": score_of(named["time"], named, motion, air).to_dict(),
+        "events": events,
+        "samples": len(named["time"]),
     }
-    return Run(columns, made | said, MEANINGS)
+    return Run(columns, {key: value for key, value in made.items() if value is not None}, MEANINGS)
 
 
 def run_axes(

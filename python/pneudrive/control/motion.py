@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import math
 from dataclasses import dataclass, replace
-from itertools import pairwise
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -154,14 +153,10 @@ def near(times_s: Array, points_m: Array, knot_s: float) -> list[Row]:
 
 
 def _of_spline(spline: Any) -> list[Row]:  # noqa: ANN401 - scipy's own
-    breaks, numbers = spline.x, spline.c[::-1]
-    rows = []
-    for i, (begin, end) in enumerate(pairwise(breaks)):
-        if end > begin:
-            scaled = numbers[:, i] * (end - begin) ** np.arange(len(numbers))
-            missing = [0.0] * (POWERS - len(scaled))
-            rows.append([float(begin), float(end - begin), *map(float, scaled), *missing])
-    return rows
+    lasts = np.diff(spline.x)
+    scaled = spline.c[::-1] * lasts ** np.arange(ORDER + 1)[:, None]
+    missing = np.zeros((len(lasts), POWERS - len(scaled)))
+    return np.column_stack([spline.x[:-1], lasts, scaled.T, missing])[lasts > 0.0].tolist()
 
 
 #: Default durations: shortest run of a sine, s, its least number of periods, and rest after the last move, s.

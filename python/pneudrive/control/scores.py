@@ -13,7 +13,7 @@ from pneudrive.describe.tables.parts import anr_density_kg_m3
 from pneudrive.errors import CommandError, package_table
 from pneudrive.estimate.estimates import rms
 from pneudrive.simulation.trajectory import attributes
-from pneudrive.views import VALUE, Finding, ShownTable, ShownValue, View, Viewed
+from pneudrive.views import VALUE, Finding, ShownTable, ShownValue, State, View, Viewed
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from pneudrive.arrays import Array, Keyed, NamedNumbers, Pair, Plain
+    from pneudrive.describe.circuit import Circuit
 
 #: Initial time that is scored separately, and final time of a sine that is scored, s.
 FIRST_S, LAST_S = 4.0, 4.0
@@ -28,7 +29,7 @@ REST_S, HUNTING_S = 0.2, 0.6  # ends of a dwell in which rest and hunting are me
 ROUNDING_S = 1e-9  # rounding of times that are sums
 LEAST_DWELL = 2  # least samples of a dwell: the next move may begin at the end of one
 LONG_DWELL_S = 10.0  # hunting is measured after this time, in dwells that last longer
-BANDS_M = (1e-4, 5e-4, 1e-3)  # of settling
+BANDS_M = {"settling_100_um_s": 1e-4, "settling_500_um_s": 5e-4, "settling_1000_um_s": 1e-3}
 SLIP_M_S = 1e-3  # speed above which a motion in a dwell counts as a slip
 LOST_M = 0.02  # a run with a larger error is lost
 
@@ -147,6 +148,7 @@ def view_of_score(about: Keyed) -> View:
     window = f" (last {_last_s(motion):g} s)" if motion.get("kind") == "sine" else ""
     titles = {name: SHOWN[name][0] + window * (name in ("rmse_m", "max_error_m")) for name in SHOWN}
     values = {name: ShownValue(name, titles[name], VALUE, text) for name, text in texts.items() if text}
+    states: dict[str, State] = {"max_error_m": "bad"} if score.lost else {}
     findings = [Finding(f"Lost: an error exceeded {1e3 * LOST_M:g} mm.", "bad")] if score.lost else []
     if "law_failure" in about:
         findings.append(Finding(f"{about['law_failure']} Another controller took over.", "bad"))
@@ -154,11 +156,7 @@ def view_of_score(about: Keyed) -> View:
         run_title(about) if "law" in about else "Score, simulated",
         tuple(values.values()),
         state="bad" if findings else "open" if about.get("events") else "good",
-        leading=tuple(
-            replace(values[name], state="bad" if score.lost and name == "max_error_m" else "good")
-            for name in LEADING
-            if name in values
-        ),
+        leading=[replace(values[name], state=states.get(name, "good")) for name in LEADING if name in values],
         findings=findings,
         tables=tuple(event_table(about.get("events") or ())),
     )
@@ -211,16 +209,7 @@ def score(run: xr.Dataset) -> Score:
 
 
 #: Variables of a run that its score needs.
-SCORED = (
-    "position",
-    "velocity",
-    "pressure_a",
-    "pressure_b",
-    "reference",
-    "command",
-    "step_time",
-    "least_step_time",
-)
+SCORED = ("position", "velocity", "pressure_a", "pressure_b", "reference", "command", "step_time", "least_step_time")
 
 
 def score_of(time: Array, of: Mapping[str, Array], motion: Keyed, air: NamedNumbers | None = None) -> Score:
@@ -266,7 +255,7 @@ def _last_s(motion: Keyed) -> float:
     return max(LAST_S, 1.0 / motion["frequency_hz"]) if motion["kind"] == "sine" else math.inf
 
 
-def air_of(mass_kg: float, supply: Pair, ambient: Pair, gas: Pair) -> NamedNumbers:
+def air_of(mass_kg: float, supply: Pair, circuit: Circuit) -> NamedNumbers:
     """Return volume and exergy of the air, or other gas, drawn from a reservoir.
 
     Flow exergy of an ideal gas, e = cp (T - T0) - T0 (cp ln(T/T0) - R ln(p/p0)).
@@ -274,10 +263,10 @@ def air_of(mass_kg: float, supply: Pair, ambient: Pair, gas: Pair) -> NamedNumbe
     Parameters
     ----------
     mass_kg : float
-    supply, ambient : tuple of float
+    supply : tuple of float
         Absolute pressure (Pa) and temperature (K).
-    gas : tuple of float
-        Heat capacity ratio, and gas constant in J/(kg K).
+    circuit : Circuit
+        Circuit with its gas and its ambient.
 
     Returns
     -------
@@ -286,11 +275,13 @@ def air_of(mass_kg: float, supply: Pair, ambient: Pair, gas: Pair) -> NamedNumbe
 
     Examples
     --------
-    >>> found = air_of(1.185e-3, (7e5, 293.15), (1e5, 293.15), (1.4, 287.05))
+    >>> import pneudrive as pn
+    >>> found = air_of(1.185e-3, (7e5, 293.15), pn.Drive.load("catalogue:reference").circuit)
     >>> round(1e3 * found["anr_m3"], 6), round(found["exergy_j"], 1)
-    (1.0, 194.0)
+    (1.0, 192.8)
     """
-    (p, t), (p0, t0), (k, r) = supply, ambient, gas
+    (p, t), p0, t0 = supply, circuit.ambient.pressure_pa, circuit.ambient.temperature_k
+    k, r = circuit.gas.heat_capacity_ratio, circuit.gas.gas_constant_j_kg_k
     cp = k * r / (k - 1.0)
     specific = cp * (t - t0) - t0 * (cp * math.log(t / t0) - r * math.log(p / p0))
     return {"mass_kg": mass_kg, "anr_m3": mass_kg / anr_density_kg_m3(k, r), "exergy_j": mass_kg * specific}
@@ -298,10 +289,9 @@ def air_of(mass_kg: float, supply: Pair, ambient: Pair, gas: Pair) -> NamedNumbe
 
 def _spans(start: float, moves: list[ReferenceMove], end_s: float) -> Iterator[tuple[ReferenceMove, float, float]]:
     """Yield each move, its start position, and the time at which the next move begins or the run ends."""
-    begins = [*(move.begin_s for move in moves[1:]), end_s]
-    for move, next_s in zip(moves, begins, strict=True) if moves else ():
-        yield move, start, min(next_s, end_s)
-        start = move.to_m
+    starts = [start, *(move.to_m for move in moves)]
+    ends = [min(move.begin_s, end_s) for move in moves[1:]]
+    yield from zip(moves, starts, [*ends, end_s], strict=False)
 
 
 def _of_moves(
@@ -313,16 +303,15 @@ def _of_moves(
     moves: list[ReferenceMove],
 ) -> Plain:
     """Return settling times, error at rest, hunting and slips after the moves."""
-    found: dict[str, list[float]] = {name: [] for name in ("rest_error_m", "hunting_m", "slips")}
-    settling: dict[float, list[float]] = {band: [] for band in BANDS_M}
+    found: dict[str, list[float]] = {name: [] for name in (*BANDS_M, "rest_error_m", "hunting_m", "slips")}
     for move, _, until in _spans(start, moves, float(time[-1])):
         dwell = (time >= move.end_s) & (time <= until)
         if np.count_nonzero(dwell) < LEAST_DWELL:
             continue
-        for band, times in settling.items():
+        for name, band in BANDS_M.items():
             outside = np.abs(error[dwell]) > band
             last = float(time[dwell][outside][-1]) - move.end_s if outside.any() else 0.0
-            times.append(math.inf if outside[-1] else last)
+            found[name].append(math.inf if outside[-1] else last)
         length = until - move.end_s + ROUNDING_S
         if length >= REST_S:
             at_end = dwell & (time >= until - REST_S)
@@ -334,8 +323,5 @@ def _of_moves(
             fast = np.abs(v[part]) > SLIP_M_S
             begun = fast[1:] & ~fast[:-1]
             found["slips"].append(int(fast[0]) + int(np.sum(begun)))
-    out: Plain = {name: max(values) if values else None for name, values in found.items()}
-    if found["slips"]:
-        out["slips"] = int(sum(found["slips"]))
-    worst = {f"settling_{1e6 * band:.0f}_um_s": max(times) if times else None for band, times in settling.items()}
-    return out | worst
+    out: Plain = {name: max(values, default=None) for name, values in found.items()}
+    return out | {"slips": sum(found["slips"]) if found["slips"] else None}

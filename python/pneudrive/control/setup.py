@@ -233,10 +233,8 @@ class Setup(Described):
 
     def core(self, seed: int, ambient_pa: float) -> Plain:
         """Return the instrumentation in the core's form, in SI, with the seed of all noise and the ambient pressure."""
-        a, b = self.sensors.pressure_a, self.sensors.pressure_b
-        jitter = [self.sensors.position.jitter_s, 0.0, 0.0, self.computer.jitter_s]
-        if a is not None and b is not None:
-            jitter[1:3] = [a.jitter_s, b.jitter_s]
+        pressures = self.sensors.pressure_a, self.sensors.pressure_b  # both or none
+        jitter = [getattr(one, "jitter_s", 0.0) for one in (self.sensors.position, *pressures, self.computer)]
         wrongs: Plain = {"jitter_s": jitter} if any(jitter) else {}
         if self.faults:
             wrongs["faults"] = [one.core() for one in self.faults]
@@ -244,7 +242,7 @@ class Setup(Described):
             wrongs["switches_m"] = [self.switches.low_m, self.switches.high_m]
         return wrongs | {
             "position": self.sensors.position.core(),
-            "pressures": None if a is None or b is None else [a.core(ambient_pa), b.core(ambient_pa)],
+            "pressures": [one.core(ambient_pa) for one in pressures if one is not None] or None,
             "command_bits": self.converter.bits or 0,
             "computing_time_s": self.computer.time_s,
             "forces": [[one.at_s, one.force_n] for one in self.disturbances],

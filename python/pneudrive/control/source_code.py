@@ -99,7 +99,7 @@ def export(
             raise CommandError.of("control.name_of_code", name=name, rule=rule)
     if precision != "double" and (to, precision) != ("c", "single"):
         raise CommandError.of("control.precision", to=to, precision=precision)
-    is_nmpc = to == "fmu" and tuning.law == "nmpc"
+    is_nmpc = to == "fmu" and tuning.law == "nmpc" and tuning.own is None
     if is_nmpc and along is None:
         raise CommandError.of("control.nmpc_alone")
     if not is_nmpc and along is not None:
@@ -186,10 +186,8 @@ def law_plan(tuning: Tuning, reference: Reference, setup: Setup) -> FmuPlan:
     Raises
     ------
     CommandError
-        The law is custom, or it commands several valves or a switching valve.
+        The law commands several valves or a switching valve.
     """
-    if tuning.own is not None:
-        raise CommandError("a custom law cannot be part of an FMU", remedy="Choose a controller of pneudrive.")
     if tuning.valves:
         raise CommandError.of("control.fmu_of_valves")
     rest_pa = tuning.belief.ambient.pressure_pa

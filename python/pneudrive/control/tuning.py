@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple, TypeAlias
 from pydantic import Field, model_validator
 
 from pneudrive import _core, own_code, units
+from pneudrive.arrays import attributes_of
 from pneudrive.control import setup as instrumentation
 from pneudrive.control.axis import check_axis, refused, supply_of
 from pneudrive.control.own_law import OWN, OwnLaw, is_own, own_law
@@ -29,7 +30,7 @@ from pneudrive.simulation.trajectory import write_whole
 from pneudrive.views import VALUE, ShownValue, View, Viewed
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterator
 
     from pneudrive.arrays import NamedNumbers, Pair, Plain
     from pneudrive.describe import Circuit
@@ -346,14 +347,10 @@ class Tuning(Viewed):
         ambient_pa = self.belief.ambient.pressure_pa
         rules = {
             "position_m": limits.position,
-            "speed_m_s": limits.speed_m_s,
             "pressure_pa": limits.pressure and [own.absolute_pa(ambient_pa) for own in limits.pressure],
-            "stop_deceleration_m_s2": limits.stop_deceleration_m_s2,
+            **attributes_of(limits, "speed_m_s", "stop_deceleration_m_s2"),
             "motion": [motion.tolerance_m, motion.settled_for_s, motion.timeout_s],
-            "on_position": fault.position,
-            "on_pressure": fault.pressure,
-            "on_valve": fault.valve,
-            "on_supply": fault.supply,
+            **{f"on_{key}": getattr(fault, key) for key in ("position", "pressure", "valve", "supply")},
         }
         given = {key: value for key, value in rules.items() if value is not None}
         return form | {"supervision": given, "standby": fault.law}
@@ -365,28 +362,24 @@ class Tuning(Viewed):
             module, name = split(word) or ("", OWN)
             word = f"{_seen_from(folder, module)}:{name}" if module.endswith(".py") else word if module else name
         lines = ["schema = 1", f'law = "{word}"', f'period = "{units.write(self.period_s, "s", "ms")}"']
+        lines += ["hold = false"] * (controller.hold is None) + ["adaptation = false"] * (not controller.adaptation)
         if self.source:
             lines.append(f"drive = {toml.value_text(_seen_from(folder, self.source))}")
         if not isinstance(self.setup, instrumentation.Setup):
             lines.append(f"setup = {toml.value_text(_seen_from(folder, str(self.setup)))}")
         if controller.factors.changed:
-            given = ", ".join(f"{key} = {value!r}" for key, value in controller.factors.to_dict().items())
-            lines.append(f"factors = {{ {given} }}  # of {_factored(self.law)}")
+            lines.append(f"factors = {toml.value_text(controller.factors.to_dict())}  # of {_factored(self.law)}")
         for name, numbers in (("gains", self.gains), ("valves", self.valves)):
             lines += ["", f"[{name}]"] if numbers or name == "gains" else []
             for one in numbers:
                 rule = "given" if one.given else one.rule
                 lines.append(f"{one.key} = {toml.value_text(one.quantity)}  # {one.meaning}: {rule}")
-        if not controller.adaptation:
-            lines.insert(3, "adaptation = false")
-        if controller.hold is None:
-            lines.insert(3, "hold = false")
-        else:
-            usual = "  # assumed" * (controller.hold == HoldBand())
-            lines += ["", "[hold]", *(f"{line}{usual}" for line in _entries(controller.hold.with_defaults()))]
+        if controller.hold is not None:
+            usual, entries = "  # assumed" * (controller.hold == HoldBand()), controller.hold.with_defaults().items()
+            lines += ["", "[hold]", *(f"{key} = {toml.value_text(value)}{usual}" for key, value in entries)]
         for table in (controller.limits, controller.motion, controller.on_fault):
             if table != type(table)():
-                lines += ["", f"[{table.table_name}]", *_entries(table.to_dict())]
+                lines += ["", *toml.blocks(table.to_dict(), table.table_name)]
         return "\n".join([*lines, ""])
 
     def save(self, path: str | Path) -> Path:
@@ -419,10 +412,6 @@ class Tuning(Viewed):
         factors = " ".join(f"{factor:g}" for factor in self.controller.factors.values)
         given = (f"given factors {factors} of {_factored(self.law)}",) if self.controller.factors.changed else ()
         return View(title, tuple(rows), notes=(*given, *self.limits))
-
-
-def _entries(table: Plain) -> list[str]:
-    return [f"{key} = {toml.value_text(value)}" for key, value in table.items()]
 
 
 def _factored(law: str) -> str:
@@ -521,7 +510,7 @@ def tune(
         word = table.law if own is None else OWN
         tuning = _tuned(table, word, believed.circuit)  # type: ignore[union-attr]
     tuning = replace(tuning, source=source, own=own, setup=setup)
-    return replace(tuning, limits=limitations(tuning, read))
+    return replace(tuning, limits=tuple(limitations(tuning, read)))
 
 
 def _table(law: object, controller: ControllerOrFile | None) -> tuple[Controller, Path, str, str | None]:
@@ -616,8 +605,8 @@ LEAST_SAMPLES = 40
 MOST_OF_FORCE = 0.85  # fraction of the supply's force for weight and friction above which a warning is given (assumed)
 
 
-def limitations(tuning: Tuning, setup: instrumentation.Setup) -> tuple[str, ...]:
-    """Return the limits of a tuned controller in words. Warn if the controller will hardly work.
+def limitations(tuning: Tuning, setup: instrumentation.Setup) -> Iterator[str]:
+    """Yield the limits of a tuned controller in words. Warn if the controller will hardly work.
 
     Parameters
     ----------
@@ -625,10 +614,10 @@ def limitations(tuning: Tuning, setup: instrumentation.Setup) -> tuple[str, ...]
     setup : Setup
         Sensors and computer.
     """
-    plant, said = tuning.plant, []
+    plant = tuning.plant
     bandwidth = next((gain.value for gain in tuning.gains if gain.key == "bandwidth"), plant.natural_frequency_rad_s)
     late = bandwidth * plant.lag_s
-    said.append(
+    yield (
         f"A command acts {1e3 * plant.lag_s:.3g} ms late (dead time of the valve, spool, half a period): "
         f"{late:.2g} rad of phase at {bandwidth:.3g} rad/s. A faster valve or a shorter period allows more bandwidth."
     )
@@ -645,23 +634,22 @@ def limitations(tuning: Tuning, setup: instrumentation.Setup) -> tuple[str, ...]
         of = f"the larger of the valve's lag and 1/{LEAST_SAMPLES} (assumed) of a period of the mass on its air spring"
         warn(f"{slow} or unstable ({of})")
     if setup.computer.time_s > 0.0:
-        said.append(f"The computer of the setup adds {1e3 * setup.computer.time_s:.3g} ms, which the law ignores.")
+        yield f"The computer of the setup adds {1e3 * setup.computer.time_s:.3g} ms, which the law ignores."
     if setup.sensors.pressure_a is None:
-        said.append("The setup has no pressure sensors: the law computes the pressures with its model of the drive.")
-        said.append("At rest, the position determines the force of the gas, but not both pressures.")
-    said.append(
+        yield "The setup has no pressure sensors: the law computes the pressures with its model of the drive."
+        yield "At rest, the position determines the force of the gas, but not both pressures."
+    yield (
         "No observer can separate a force on the piston from a difference of friction between the directions and from "
         "zeros of the sensors, valve conductance from supply pressure, or, at constant speed, mass from force."
     )
     supply_pa, _ = supply_of(tuning.belief.core_json())
-    said += [f"{short}." for short in setup.short_of(supply_pa, tuning.belief.ambient.pressure_pa)]
+    yield from (f"{short}." for short in setup.short_of(supply_pa, tuning.belief.ambient.pressure_pa))
     if plant.left_out:
-        said.append(
+        yield (
             f"The law does not model {', '.join(plant.left_out)}, except the volume of tubes at the chambers: it "
             "assumes a valve at the cylinder and a constant supply pressure; speed and lag leave these parts out too."
         )
-    said.append(f"References within {1e3 * plant.stroke_m:g} mm and up to the steady speed are accepted.")
+    yield f"References within {1e3 * plant.stroke_m:g} mm and up to the steady speed are accepted."
     assumed = [gain.key for gain in tuning.numbers if "assumed" in gain.rule and not gain.given]
     if assumed:
-        said.append(f"Assumed, not derived from this drive: {', '.join(assumed)}.")
-    return tuple(said)
+        yield f"Assumed, not derived from this drive: {', '.join(assumed)}."

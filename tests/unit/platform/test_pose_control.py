@@ -104,7 +104,7 @@ def test_a_path_near_a_singular_pose_is_rejected(tripod):
     with pytest.raises(CommandError, match=r"nearly singular pose at t = .* s"):
         check_path(platform, tunings, needs._replace(singular_values=0.01 * needs.singular_values))
     quick = demands(platform, pn.control.pose_path({"heave": "sine 95 mm 3 Hz around 450 mm"}, platform), 1.0)
-    assert 0.65 < check_path(platform, tunings, quick)["speed"] < 1.0  # accepted within its limits
+    assert 0.65 < check_path(platform, tunings, quick)["speed_share"] < 1.0  # accepted within its limits
 
 
 def test_a_path_in_the_wrong_unit_names_file_line_and_remedy(tripod, tmp_path):

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import warnings
-from collections import defaultdict
 from dataclasses import dataclass, replace
 from math import comb
 from typing import TYPE_CHECKING, NamedTuple
@@ -22,6 +21,7 @@ from pneudrive.control.setup import Setup, SetupOrFile, read_setup, told
 from pneudrive.control.tuning import ControllerOrFile, Tuning, tune
 from pneudrive.describe.circuit import Circuit
 from pneudrive.errors import CommandError, warn
+from pneudrive.estimate.estimates import rms
 from pneudrive.files.inputs import INPUTS, inputs_of
 from pneudrive.platforms import platform as platform_of
 from pneudrive.platforms.kinematics import LEAST_SINGULAR_VALUE, pose_columns
@@ -84,12 +84,6 @@ class Demands(NamedTuple):
         """Largest fraction of a leg's force that acts on another leg."""
         return float(np.abs(self.couplings).max())
 
-    @property
-    def bandwidth_share(self) -> float:
-        """Bandwidth of the decoupling law, relative to the bandwidth for a single leg."""
-        heaviest = np.linalg.eigvalsh(self.inertias_kg)[:, -1] / self.legs.masses_kg.min(axis=1)
-        return min(1.0, float(HEAVIEST / heaviest.max()) ** (1.0 / 3.0))
-
 
 def demands(platform: Platform, path: PosePath, duration_s: float) -> Demands:
     """Return motion, force and load of each leg along a path, by inverse dynamics.
@@ -124,7 +118,8 @@ def check_path(platform: Platform, tunings: list[Tuning], needs: Demands) -> Nam
     Returns
     -------
     dict
-        Smallest ``singular_value``, and the largest fractions of the available force and speed that a leg needs.
+        Smallest ``singular_value``, and the largest fractions of the available force and speed that a leg needs,
+        ``force_share`` and ``speed_share``.
 
     Raises
     ------
@@ -139,7 +134,7 @@ def check_path(platform: Platform, tunings: list[Tuning], needs: Demands) -> Nam
     if needs.coupling > MOST_COUPLED and tunings[0].law != DECOUPLING:
         said = f"up to {100.0 * needs.coupling:.0f} % of the force of a leg of {platform.name} acts on another leg"
         warn(f"{said}: controllers of single legs may oscillate; {DECOUPLING} controls the legs together")
-    most = {"force": 0.0, "speed": 0.0}
+    most = {"force_share": 0.0, "speed_share": 0.0}
     for i, tuning in enumerate(tunings):
         name, stroke = platform.legs[i].name, tuning.plant.stroke_m
         x, v = needs.legs.positions_m[:, i], needs.legs.velocities_m_s[:, i]
@@ -155,29 +150,17 @@ def check_path(platform: Platform, tunings: list[Tuning], needs: Demands) -> Nam
             ("velocity", "m/s", v, -back, out, "Make the path slower, or take a larger valve."),
             ("force", "N", force, low, high, "Make the path slower, or take a larger cylinder or a higher pressure."),
         )
-        for limit in limits:
-            _check_limit(name, needs.times_s, *limit)
-        most["speed"] = max(most["speed"], float(speed_shares(v, (out, back)).max()))
-        most["force"] = max(most["force"], float(np.maximum(force / high, force / low).max()))
+        for what, unit, values, least, largest, remedy in limits:
+            margins = np.minimum(values - least, largest - values)
+            if margins.min() < 0.0:
+                at = int(np.argmin(margins))
+                where = f"{values[at]:.4g} {unit} at t = {needs.times_s[at]:.4g} s"
+                outside, rule = f"{-margins[at]:.3g} {unit} outside", f"{least:.4g} {unit} to {largest:.4g} {unit}"
+                said = f"the path requires of {name} a {what} of {where}"
+                raise CommandError(said, value=outside, rule=rule, remedy=remedy)
+        most["speed_share"] = max(most["speed_share"], float(speed_shares(v, (out, back)).max()))
+        most["force_share"] = max(most["force_share"], float(np.maximum(force / high, force / low).max()))
     return {"singular_value": float(needs.singular_values[row]), **most}
-
-
-def _check_limit(
-    name: str,
-    times: Array,
-    what: str,
-    unit: str,
-    values: Array,
-    low: float,
-    high: float,
-    remedy: str,
-) -> None:
-    margins = np.minimum(values - low, high - values)
-    row = int(np.argmin(margins))
-    if margins[row] < 0.0:
-        said = f"the path requires of {name} a {what} of {values[row]:.4g} {unit} at t = {times[row]:.4g} s"
-        rule = f"{low:.4g} {unit} to {high:.4g} {unit}"
-        raise CommandError(said, value=f"{-margins[row]:.3g} {unit} outside", rule=rule, remedy=remedy)
 
 
 def leg_reference(needs: Demands, leg: int, text: str) -> tuple[Reference, Plain]:
@@ -211,22 +194,15 @@ def leg_circuit(circuit: Circuit, platform: Platform, leg: int, mass_kg: float, 
         Mass that the leg moves, and force on it in +x.
     """
     kinds = {name: one["kind"] for name, one in circuit.core_parts.items()}
-    beside: dict[str, set[str]] = defaultdict(set)
-    for joint in circuit.wiring.core():
-        named = {port.rpartition(".")[0] for port in joint} & kinds.keys()
-        for name in named:
-            beside[name] |= named - {name}
+    joined = [{port.rpartition(".")[0] for port in joint} & kinds.keys() for joint in circuit.wiring.core()]
     names = [one.name for one in platform.legs]
 
     def reached(name: str, *, ends: str, without: set[str]) -> set[str]:
-        found, left = set(), [name]
-        while left:
-            one = left.pop()
-            if one in found or one in without:
-                continue
-            found.add(one)
-            if one == name or not kinds[one].startswith(ends):
-                left += beside[one]
+        found, front = {name}, {name}
+        while front:
+            inner = {one for one in front if one == name or not kinds[one].startswith(ends)}
+            front = set().union(*(joint for joint in joined if joint & inner)) - found - without
+            found |= front
         return found
 
     others = {platform.name, *names} - {names[leg]}
@@ -276,6 +252,8 @@ def leg_tunings(
         A leg has no cylinder or no valves that a controller can command.
     """
     out: list[Tuning] = []
+    heaviest = float((np.linalg.eigvalsh(needs.inertias_kg)[:, -1] / needs.legs.masses_kg.min(axis=1)).max())
+    slower = min(1.0, (HEAVIEST / heaviest) ** (1.0 / 3.0))  # relative to the bandwidth for a single leg
     if law is None and controller is None and needs.coupling > MOST_COUPLED:
         law = DECOUPLING
     for i, leg in enumerate(platform.legs):
@@ -287,7 +265,7 @@ def leg_tunings(
             gains = {gain.key: gain for gain in tuning.gains}
             bandwidth = gains["bandwidth"]
             if not bandwidth.given:
-                gains["bandwidth"] = bandwidth._replace(value=needs.bandwidth_share * bandwidth.value)
+                gains["bandwidth"] = bandwidth._replace(value=slower * bandwidth.value)
             tuning = replace(tuning, gains=tuple(gains.values()))
         out.append(tuning)
     return out
@@ -440,11 +418,9 @@ class _Legs:
         begun = self.circuit.core_initial(given) | start
         each, poses, mass_kg = run_axes(core_json, begun, axes, outputs, self.seconds, watch)
         columns = {"time_s": each[0]["time_s"]}
-        columns |= {name: np.ascontiguousarray(poses[:, k]) for k, name in enumerate(outputs)}
-        wanted = self.path.at(columns["time_s"])[0]
-        for k, (key, unit) in enumerate(self._coordinates()):
-            name = f"{self.platform.name}.{key}"
-            columns[f"{name}_reference_{unit}"] = np.ascontiguousarray(wanted[:, k])
+        columns |= zip(outputs, map(np.ascontiguousarray, poses.T), strict=True)
+        for (key, unit), wanted in zip(self._coordinates(), self.path.at(columns["time_s"])[0].T, strict=True):
+            columns[f"{self.platform.name}.{key}_reference_{unit}"] = np.ascontiguousarray(wanted)
         events = []
         for i, (leg, tuning, own) in enumerate(zip(self.platform.legs, self.tunings, each, strict=True)):
             columns |= {f"{leg.name}.{key}": own[key] for key in KEPT}
@@ -464,18 +440,14 @@ class _Legs:
         def tracked(name: str, of: str, unit: str) -> Tracked:
             wanted = columns[f"{of}_{unit}"][scored]
             error = wanted - columns[f"{name}_{unit}"][scored]
-            rmse = float(np.sqrt(np.mean(error**2)))
-            return Tracked(unit, rmse, float(np.abs(error).max()), 0.5 * float(np.ptp(wanted)))
+            return Tracked(unit, rms(error), float(np.abs(error).max()), 0.5 * float(np.ptp(wanted)))
 
-        own = self.platform.name
-        legs = [leg.name for leg in self.platform.legs]
-        reached = ((columns[f"{leg.name}.position_m"], leg.stroke_m) for leg in self.platform.legs)
+        own, legs = self.platform.name, {leg.name: leg.stroke_m for leg in self.platform.legs}
+        reached = ((columns[f"{leg}.position_m"], stroke_m) for leg, stroke_m in legs.items())
         hit = [x.min() <= 0.0 or x.max() >= stroke_m for x, stroke_m in reached]
         commands = [columns[f"{valve}.command"] for tuning in self.tunings for valve in tuning.plant.valves]
-        ambient = self.circuit.ambient
-        gas = self.circuit.gas.heat_capacity_ratio, self.circuit.gas.gas_constant_j_kg_k
         supply = supply_of(self.tunings[0].belief.core_json())
-        air = air_of(mass_kg, supply, (ambient.pressure_pa, ambient.temperature_k), gas)["anr_m3"] / self.seconds
+        air = air_of(mass_kg, supply, self.circuit)["anr_m3"] / self.seconds
         return PoseScore(
             coordinates={
                 key: tracked(f"{own}.{key}", f"{own}.{key}_reference", unit) for key, unit in self._coordinates()
@@ -485,10 +457,7 @@ class _Legs:
             air_anr_m3_s=air,
             saturated_share=max(float(np.mean(np.abs(command) >= 1.0)) for command in commands),
             stops_hit=int(sum(hit)),
-            singular_value=margins["singular_value"],
-            force_share=margins["force"],
-            speed_share=margins["speed"],
-            payload_spread={},
+            **margins,
         )
 
     def _coordinates(self) -> list[tuple[str, str]]:

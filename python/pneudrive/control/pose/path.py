@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterator, Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -40,30 +40,32 @@ class CoordinatePath(NamedTuple):
     ----------
     kind : str
         sine, circle, square or moves.
-    centre, amplitude : float
-        m or rad.
+    centre : float
+        First value, m or rad; for a sine and a circle, the mean.
     period_s : float
         Infinite for moves that are not repeated.
-    edge_s : float
-        Duration of an edge of a square.
+    moves : tuple of ReferenceMove
+        Moves of a period, also of a square.
+    amplitude : float
+        Amplitude of a sine or a circle, m or rad.
     leads : bool
         Whether this is the first coordinate of a circle or a square, a quarter of a period ahead of the second one.
-    moves : tuple of ReferenceMove
     """
 
     kind: str
     centre: float
-    amplitude: float = 0.0
     period_s: float = math.inf
-    edge_s: float = 0.0
-    leads: bool = False
     moves: tuple[ReferenceMove, ...] = ()
+    amplitude: float = 0.0
+    leads: bool = False
 
     def at(self, times_s: Array) -> Array:
         """Return the coordinate and two derivatives as rows. A sine reaches its full amplitude within a period."""
-        if self.kind in ("square", "moves"):
-            moves = self._until(float(times_s.max(initial=0.0)))
-            return Reference("", self.centre, tuple(moves)).at(times_s).T[:3]
+        if not self.amplitude:
+            last = 0 if math.isinf(self.period_s) else int(times_s.max(initial=0.0) / self.period_s)
+            shifts = [0.0, *(k * self.period_s for k in range(1, last + 1))]
+            moves = tuple(move._replace(begin_s=move.begin_s + shift) for shift in shifts for move in self.moves)
+            return Reference("", self.centre, moves).at(times_s).T[:3]
         b, b1, b2, _ = Reference("", 0.0, (ReferenceMove(0.0, self.period_s, 1.0),)).at(times_s).T
         w = 2.0 * math.pi / self.period_s
         angle = w * times_s + (0.5 * math.pi if self.leads else 0.0)
@@ -71,20 +73,10 @@ class CoordinatePath(NamedTuple):
         grown = np.stack([b * s, b1 * s + b * s1, b2 * s + 2.0 * b1 * s1 + b * s2])
         return self.amplitude * grown + np.array([[self.centre], [0.0], [0.0]])
 
-    def _until(self, end_s: float) -> list[ReferenceMove]:
-        """Return the moves that begin no later than a given time."""
-        if self.kind == "moves":
-            if math.isinf(self.period_s):
-                return list(self.moves)
-            begins = [k * self.period_s for k in range(int(end_s / self.period_s) + 1)]
-            return [move._replace(begin_s=move.begin_s + begin_s) for begin_s in begins for move in self.moves]
-        # Corners at (1, -1), (1, 1), (-1, 1), (-1, -1): each coordinate turns at every second one.
-        first = 0 if self.leads else 1
-        turns = range(first, int(4.0 * end_s / self.period_s) + 1, 2)
-        corners = [(k, 1 if (k - first) % 4 == 0 else -1) for k in turns]
-        corners = corners if self.leads else [(0, -1), *corners]
-        quarter = 0.25 * self.period_s
-        return [ReferenceMove(k * quarter, self.edge_s, self.centre + sign * self.amplitude) for k, sign in corners]
+    def leading(self) -> CoordinatePath:
+        """Return this coordinate of a circle or a square, a quarter of a period earlier."""
+        earlier = (move._replace(begin_s=move.begin_s - 0.25 * self.period_s) for move in self.moves[1:])
+        return self._replace(moves=tuple(earlier), leads=True)
 
 
 @dataclass(frozen=True, repr=False)
@@ -145,7 +137,7 @@ def pose_path(given: PosePath | Mapping[str, str] | str | Path, platform: Platfo
     """
     if isinstance(given, PosePath):
         return given
-    tables: Plain
+    name, text, tables = "", None, Plain()
     if isinstance(given, (str, Path)):
         remedy = 'For instance heave = "sine 30 mm 0.5 Hz around 470 mm".'
         if Path(given).suffix.lower() != ".toml":
@@ -153,8 +145,7 @@ def pose_path(given: PosePath | Mapping[str, str] | str | Path, platform: Platfo
         tables, text = toml.read(str(given), start=remedy)
         name = str(given)
     else:
-        tables = dict(given)
-        text = None
+        tables, text = dict(given), None
         name = "; ".join(f"{key}: {line}" for key, line in given.items())
     with toml.locating(name, text):
         tables.pop("schema", None)
@@ -163,21 +154,18 @@ def pose_path(given: PosePath | Mapping[str, str] | str | Path, platform: Platfo
             names = {"of": platform.name, "coordinates": ", ".join(platform.coordinates)}
             remedy = nearest(unknown, platform.coordinates)
             raise invalid(unknown, "control.coordinate", key=unknown, **names, remedy=remedy)
-        lines = []
-        pairs: dict[str, list[str]] = {"circle": [], "square": []}
-        for k, key in enumerate(platform.coordinates):
-            try:
-                line = _line(tables.get(key), platform.units[k], float(platform.home[k]))
-            except PneudriveError as error:
-                raise wrong(key, f"{key}: {error.what}", rule=error.rule, remedy=f"Give {FORMS}.") from None
-            if line.kind in pairs:
-                line = line._replace(leads=not pairs[line.kind])
-                pairs[line.kind].append(key)
-            lines.append(line)
-        for kind, keys in pairs.items():
+        lines = {}
+        try:
+            for key, unit, home in zip(platform.coordinates, platform.units, platform.home, strict=True):
+                lines[key] = _line(tables.get(key), unit, float(home))
+        except PneudriveError as error:
+            raise wrong(key, f"{key}: {error.what}", rule=error.rule, remedy=f"Give {FORMS}.") from None
+        for kind in ("circle", "square"):
+            keys = [key for key, line in lines.items() if line.kind == kind]
             if len(keys) not in (0, 2):
                 raise invalid(keys[0], "control.pair", key=keys[0], kind=kind, count=len(keys))
-        return PosePath(name, platform.coordinates, tuple(lines))
+            lines |= {key: lines[key].leading() for key in keys[:1]}
+        return PosePath(name, platform.coordinates, tuple(lines.values()))
 
 
 def _line(given: object, unit: str, home: float) -> CoordinatePath:
@@ -201,16 +189,18 @@ def _line(given: object, unit: str, home: float) -> CoordinatePath:
         longest = 0.25 / frequency
         if (kind == "square") != (wave[4] is not None) or (kind == "square" and not 0.0 < edge <= longest):
             raise DescriptionError.of("control.edges", text=text, longest=longest)
-        return CoordinatePath(kind, centre, amplitude, 1.0 / frequency, edge)
+        if kind != "square":
+            return CoordinatePath(kind, centre, 1.0 / frequency, amplitude=amplitude)
+        corners = (0.0, -amplitude), (longest, amplitude), (3.0 * longest, -amplitude)
+        moves = tuple(ReferenceMove(begin_s, edge, centre + to) for begin_s, to in corners)
+        return CoordinatePath(kind, centre, 1.0 / frequency, moves)
     every, period = _EVERY.search(text), math.inf
     if every is not None:
         text, period = text[: every.start()], units.parse(every[1], "s")
-    moves = moves_of_text(text, unit)
-    if every is not None:
-        last = moves.moves[-1] if moves.moves else None
-        if last is None or last.end_s > period or abs(last.to_m - moves.start_m) > 0.0:
-            raise DescriptionError(f'"{given}" cannot be repeated', rule="moves end at the start, within the period")
-    return CoordinatePath("moves", moves.start_m, period_s=period, moves=moves.moves)
+    read = moves_of_text(text, unit)
+    if every is not None and not any(move.end_s <= period and move.to_m == read.start_m for move in read.moves[-1:]):
+        raise DescriptionError(f'"{given}" cannot be repeated', rule="moves end at the start, within the period")
+    return CoordinatePath("moves", read.start_m, period, read.moves)
 
 
 # --- Score of a platform along a path of its pose.
@@ -247,9 +237,9 @@ class Tracked:
     def shown(self, name: str) -> list[ShownValue]:
         """Return RMS error, its fraction of the amplitude, and largest error, with units."""
         share = "" if np.isnan(self.percent) else f"{self.percent:.3g} %"
-        texts = (("RMSE", self._written(self.rmse)), ("of amplitude", share))
-        texts += (("largest error", self._written(self.max_error)),)
-        return [ShownValue(f"{name}.{quantity}", name, quantity, text) for quantity, text in texts]
+        rmse, largest = self._written(self.rmse), self._written(self.max_error)
+        texts = {"RMSE": rmse, "of amplitude": share, "largest error": largest}
+        return [ShownValue(f"{name}.{quantity}", name, quantity, text) for quantity, text in texts.items()]
 
     def _written(self, value: float) -> str:
         return f"{1e6 * value:.3g} um" if self.unit == "m" else f"{np.degrees(1e3 * value):.3g} mdeg"
@@ -285,7 +275,7 @@ class PoseScore(Viewed):
     singular_value: float
     force_share: float
     speed_share: float
-    payload_spread: dict[str, dict[str, Tracked]]
+    payload_spread: dict[str, dict[str, Tracked]] = field(default_factory=dict)
 
     @property
     def lost(self) -> str:
@@ -345,10 +335,8 @@ class PoseScore(Viewed):
         each = list(self.payload_spread.items())
         if each:
             rows = [(payload, *(one.error() for one in own.values())) for payload, own in each]
-            ranges = []
-            for name in self.coordinates:
-                ends = [own[name].rmse for _, own in each]
-                ranges.append(replace(each[0][1][name], rmse=max(ends) - min(ends)).error())
+            ends = {name: [own[name].rmse for _, own in each] for name in self.coordinates}
+            ranges = (replace(one, rmse=max(ends[name]) - min(ends[name])).error() for name, one in each[0][1].items())
             yield ShownTable("Errors over the payloads.", ("payload", *self.coordinates), (*rows, ("spread", *ranges)))
 
     def to_csv(self) -> str:
