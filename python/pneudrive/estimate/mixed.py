@@ -12,7 +12,7 @@ Intervals from few cycles are therefore wide enough [rue2009].
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -329,34 +329,6 @@ class MixedFit:
     weights: Array
     states: tuple[_State, ...]
 
-    def predict(self, x: Array, kernels: Columns | None = None, prior: Columns | None = None) -> Predicted:
-        """Predict m values X* b + sum_i g_i*.
-
-        Parameters
-        ----------
-        x : ndarray, shape (m, p)
-        kernels : dict
-            Name -> covariance (m, n) of g_i* with the observations' g_i at standard deviation 1. Missing components and
-            unknown names do not contribute to the prediction.
-        prior : dict
-            Name -> variance (m,) of g_i* at standard deviation 1.
-        """
-        names = [c.name for c in self.model.components]
-        kernels, prior = kernels or {}, prior or {}
-        means, variances = [], []
-        for state in self.states:
-            cross, own = np.zeros((x.shape[0], self.model.y.size)), np.zeros(x.shape[0])
-            for name, s in zip(names, state.sd, strict=True):
-                if name in kernels:
-                    cross += s**2 * kernels[name]
-                    own += s**2 * prior[name]
-            means.append(x @ state.beta + cross @ state.solved)
-            half = solve_triangular(state.lower, cross.T, lower=True, check_finite=False)
-            left = x - half.T @ state.half_x
-            own = own - np.sum(half**2, axis=0) + np.einsum("ij,jk,ik->i", left, state.beta_covariance, left)
-            variances.append(np.maximum(own, 0.0))
-        return _mixed(np.array(means), np.array(variances), self.weights)
-
     def averaged(self, *others: MixedFit, odds: Sequence[float] = ()) -> tuple[MixedFit, Array]:
         """Average this fit and others of the same data (with other kernels or noise), weighted by probability.
 
@@ -384,7 +356,7 @@ class MixedFit:
 
     def contrast(self, row: Array, unit: str = "N") -> Estimate:
         """Estimate a linear function of b, with interval and p-value (hypothesis: zero)."""
-        return self.predict(np.atleast_2d(row)).estimates(unit)[0]
+        return Functionals(self, np.atleast_2d(row)).estimates(unit)[0]
 
     def f_test(self, rows: Array, extra: float = 0.0) -> FTest:
         """Test whether all q linear functions `rows` (q, p) of b are zero (Wald's test, approximate F).
@@ -395,7 +367,7 @@ class MixedFit:
         mean = np.average([rows @ s.beta for s in self.states], axis=0, weights=self.weights)
         covariance = np.average([rows @ s.beta_covariance @ rows.T for s in self.states], axis=0, weights=self.weights)
         covariance[0, 0] += extra
-        freedom = float(1.0 / np.mean(1.0 / self.predict(rows).freedom))
+        freedom = float(1.0 / np.mean(1.0 / Functionals(self, rows).predict().freedom))
         # Covariance of Student's t is its squared scale times freedom / (freedom - 2).
         shrink = freedom / (freedom - 2.0) if freedom > 4.0 else 1.0
         f = shrink * float(mean @ np.linalg.solve(covariance, mean)) / q
@@ -423,22 +395,23 @@ class MixedFit:
 
 @dataclass(frozen=True, eq=False)
 class Functionals:
-    """A set of m linear functions of a fitted model.
+    """A set of m linear functions X* b + sum_i g_i* of a fitted model.
 
     Attributes
     ----------
     fit : MixedFit
     fixed : ndarray, shape (m, p)
     cross : dict
-        Random effect -> covariance (m, n) between the functions and the observations.
+        Random effect -> covariance (m, n) of g_i* with the g_i of the observations at standard deviation 1. Effects
+        that the model does not contain have no influence.
     own : dict
-        Random effect -> covariance (m, m) of the functions.
+        Random effect -> covariance (m, m) of g_i* at standard deviation 1.
     """
 
     fit: MixedFit
     fixed: Array
-    cross: dict[str, Array]
-    own: dict[str, Array]
+    cross: Columns = field(default_factory=dict)
+    own: Columns = field(default_factory=dict)
 
     def combine(self, rows: Array) -> Functionals:
         """Return linear combinations of the m functions. `rows` contains their factors, shape (r, m)."""
@@ -452,8 +425,20 @@ class Functionals:
 
     def predict(self) -> Predicted:
         """Predict the mean and the variance of each function."""
-        own = {name: np.diag(part) for name, part in self.own.items()}
-        return self.fit.predict(self.fixed, self.cross, own)
+        x, model = self.fixed, self.fit.model
+        means, variances = [], []
+        for state in self.fit.states:
+            cross, own = np.zeros((x.shape[0], model.y.size)), np.zeros(x.shape[0])
+            for component, s in zip(model.components, state.sd, strict=True):
+                if component.name in self.cross:
+                    cross += s**2 * self.cross[component.name]
+                    own += s**2 * np.diag(self.own[component.name])
+            means.append(x @ state.beta + cross @ state.solved)
+            half = solve_triangular(state.lower, cross.T, lower=True, check_finite=False)
+            left = x - half.T @ state.half_x
+            own = own - np.sum(half**2, axis=0) + np.einsum("ij,jk,ik->i", left, state.beta_covariance, left)
+            variances.append(np.maximum(own, 0.0))
+        return _mixed(np.array(means), np.array(variances), self.fit.weights)
 
     def estimates(self, unit: str = "N") -> list[Estimate]:
         """Estimate each function, with interval and p-value (hypothesis: zero)."""

@@ -52,10 +52,10 @@ class BudgetEntry:
     standard_uncertainty: float
     unit: str
     basis: str
-    kind: str
     friction_n: float
     offset_n: float
     note: str = ""
+    kind: str = "B"
 
 
 def systematic_budget(
@@ -97,24 +97,24 @@ def systematic_budget(
         half_difference += area * (p_up - p_down) / 2
         half_sum += area * (p_up + p_down) / 2
     friction, offset = abs(relative * half_difference), abs(relative * half_sum)
-    entries.append(BudgetEntry("bore (area)", float(shown), unit, basis, "B", friction, offset, note))
+    entries.append(BudgetEntry("bore (area)", float(shown), unit, basis, friction, offset, note))
     angle = accuracy.get("alignment_rad", float(ASSUMED_ALIGNMENT_RAD))
     known = "layout" if "alignment_rad" in accuracy else "assumed"
     turned, shared = (half * angle**2 / 2 for half in _halves(up["force_n"], down["force_n"]))
     words = "cosine error; friction from a side load is friction of the rig and remains in the result"
-    entries.append(BudgetEntry("alignment of the force axis", angle, "rad", known, "B", turned, shared, words))
+    entries.append(BudgetEntry("alignment of the force axis", angle, "rad", known, turned, shared, words))
     skew, speed = sample_interval_s / np.sqrt(12.0), (abs(up["velocity_m_s"]) + abs(down["velocity_m_s"])) / 2
     turned, words = abs(offset_slope_n_m) * speed * skew, "rectangular over one sampling interval"
-    entries.append(BudgetEntry("time skew between channels", skew, "s", "assumed", "B", turned, 0.0, words))
+    entries.append(BudgetEntry("time skew between channels", skew, "s", "assumed", turned, 0.0, words))
     if recording.parallel:
         largest = max(f.uncertainty for f in recording.parallel)
         names = ", ".join(f.name for f in recording.parallel)
         area = _halves(up["parallel_n"], down["parallel_n"])
-        entries.append(BudgetEntry("areas of parallel forces", largest, "", "layout", "B", *area, names))
+        entries.append(BudgetEntry("areas of parallel forces", largest, "", "layout", *area, names))
     if late_s != 0.0:  # the delay of several loggers, or as closed chambers show it
         basis = "assumed" if recording.parallel and late_s == CLOCK_S else "data"
         words = "delay of the pressures relative to the force"
-        entries.append(BudgetEntry(CLOCKS, late_s, "s", basis, "B", *_halves(up["late_n"], down["late_n"]), words))
+        entries.append(BudgetEntry(CLOCKS, late_s, "s", basis, *_halves(up["late_n"], down["late_n"]), words))
     return entries
 
 
@@ -147,7 +147,7 @@ def _sensor_entries(recording: Recording, channel: str, up: Row, down: Row) -> l
         if known is not None:
             found = known.doubts((up["force_n"] - down["force_n"]) / 2.0, (up["force_n"] + down["force_n"]) / 2.0)
             return [
-                BudgetEntry(f"force: {name}", u, "N", "layout", "B", friction, offset, known.words())
+                BudgetEntry(f"force: {name}", u, "N", "layout", friction, offset, known.words())
                 for name, (u, friction, offset) in found.items()
             ]
         name, unit, zero, newton_per_unit = "force", "N", 0.0, 1.0
@@ -173,8 +173,8 @@ def _sensor_entries(recording: Recording, channel: str, up: Row, down: Row) -> l
     note = f"{note}; cancels in the pair except for the change of the reading with direction".lstrip("; ")
     turns, lost = "a third of the accuracy is assumed to change with direction", u * ASSUMED_DIRECTION_SHARE
     return [
-        BudgetEntry(f"{name}: common error", u, unit, basis, "B", left, common, note),
-        BudgetEntry(f"{name}: hysteresis", lost, unit, "assumed", "B", hysteresis, hysteresis, turns),
+        BudgetEntry(f"{name}: common error", u, unit, basis, left, common, note),
+        BudgetEntry(f"{name}: hysteresis", lost, unit, "assumed", hysteresis, hysteresis, turns),
     ]
 
 

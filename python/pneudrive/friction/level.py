@@ -152,7 +152,7 @@ class Level(Shown):
         coverage = float(bins.mean())
         friction, offset = (unseen_n(pattern[bins], coverage) for pattern in patterns)
         words = "standard deviation over the window times the share of the stroke outside it"
-        window = BudgetEntry("choice of the window", 1.0 - coverage, "", "data", "B", friction, offset, words)
+        window = BudgetEntry("choice of the window", 1.0 - coverage, "", "data", friction, offset, words)
         return (*entries, window)
 
     @cached_property

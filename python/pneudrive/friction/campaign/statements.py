@@ -103,7 +103,7 @@ def _scatter(found: CampaignCharacteristics, reading: CampaignData, fits: Fits) 
     elif repeat.basis == "sentinels":
         shares = []  # width of the band at a point measured once, over the 95 % scatter of a single cycle
         for curve in (c for c in found.curves if c.direction == BOTH):
-            once = curve.measured & (curve.cycles == 1)
+            once = curve.cycles == 1
             cycle_n = deviation_n(fits, "cycle", curve.friction_n[once])
             shares.append((curve.high_n - curve.low_n)[once] / (2.0 * NORMAL_95 * cycle_n))
         share = np.concatenate(shares)
