@@ -18,6 +18,7 @@ from pneudrive.campaign.storage.folder import ABOUT, Campaign, CycleFile
 from pneudrive.describe.marks import NOT_NEGATIVE, Accuracy, Quantity
 from pneudrive.errors import RigError
 from pneudrive.rig.interface import Envelope, Hold, Identity, Move, RigState, Samples, Sampling, Step, envelope_of
+from pneudrive.rig.motion import in_parts, keep_pace
 from pneudrive.rig.rig_file import RigFile
 
 if TYPE_CHECKING:
@@ -25,7 +26,6 @@ if TYPE_CHECKING:
 
     from pneudrive.campaign.cycle import Cycle
 
-PART_S = 0.1  # samples come in parts of this duration, wall-clock time
 SHOWN = 6
 # Axis limits of a rig known only from recordings (assumed). A plan computes the ends of its ramps from them.
 ASSUMED_ACCELERATION_M_S2, ASSUMED_JERK_M_S3 = 5.0, 200.0
@@ -55,12 +55,11 @@ def matches(steps: Sequence[Step], cycle: Cycle, tolerance: float) -> bool:
 
     if cycle.steps:
         return len(steps) == len(cycle.steps) and all(map(alike, steps, cycle.steps))
-    holds = [(step.duration_s, at) for at, step in enumerate(steps) if isinstance(step, Hold)]
-    stop, at = max(holds, default=(0.0, 0)) if cycle.stop_s else (0.0, 0)
+    holds = ((step.duration_s, at) for at, step in enumerate(steps) if isinstance(step, Hold))
+    stop_s, at = max(holds, default=(0.0, 0))
     moves = moves_of(steps[at:])
-    if not moves or cycle.speed_m_s is None or not near(moves[0].speed_m_s, cycle.speed_m_s):
-        return False
-    return bool(cycle.stop_s) == bool(holds) and near(stop, cycle.stop_s or 0.0)
+    same_stop = near(stop_s, cycle.stop_s or 0.0)
+    return same_stop and bool(moves) and near(moves[0].speed_m_s, cycle.speed_m_s or np.inf)
 
 
 def moves_of(steps: Sequence[Step]) -> list[Move]:
@@ -136,14 +135,13 @@ class ReplayRig:
 
     def move(self, to_m: float, speed_m_s: float) -> None:
         """Move the axis without playing a recording."""
-        self._halted.clear()
-        self._wait(monotonic(), abs(to_m - self._state.position_m) / speed_m_s)
+        self.hold(abs(to_m - self._state.position_m) / speed_m_s)
         self._state = replace(self._state, position_m=to_m)
 
     def hold(self, duration_s: float, released: bool = False) -> None:
         """Wait at rest without playing a recording."""
         self._halted.clear()
-        self._wait(monotonic(), duration_s)
+        keep_pace(self.pace, monotonic(), duration_s, self._halted)
 
     def acquire(self, steps: Sequence[Step], sampling: Sampling) -> Iterator[Samples]:
         """Play the recording that matches these steps, with its recorded sample times."""
@@ -183,17 +181,17 @@ class ReplayRig:
         """Select recordings at these levels."""
         self._levels.update(levels)
 
-    def _apart_pa(self, cycle: Cycle) -> tuple[float, float]:
-        """Return the differences between the pressures of a recorded cycle and the requested ones, in Pa."""
-        state = self._state
-        return abs(cycle.pressure_a_pa - state.pressure_a_pa), abs(cycle.pressure_b_pa - state.pressure_b_pa)
+    def _apart_pa(self, cycle: Cycle) -> float:
+        """Return the larger difference between a pressure of a recorded cycle and the requested one, in Pa."""
+        requested = self._state.pressure_a_pa, self._state.pressure_b_pa
+        return float(np.max(np.abs(np.subtract(cycle.pressures_pa, requested))))
 
     def _find(self, steps: Sequence[Step]) -> CycleFile:
         """Return the recording to play. Without a suitable recording, the error lists the nearest ones."""
 
         def fits(cycle: Cycle) -> bool:
             is_mounted = all(cycle.levels.get(factor, level) == level for factor, level in self._levels.items())
-            is_near = is_mounted and max(self._apart_pa(cycle)) <= self.pressure_tolerance_pa
+            is_near = is_mounted and self._apart_pa(cycle) <= self.pressure_tolerance_pa
             return is_near and matches(steps, cycle, self.speed_tolerance)
 
         matching = [file for file in self.files if fits(file.cycle)]
@@ -203,9 +201,9 @@ class ReplayRig:
         stop = max((step.duration_s for step in steps if isinstance(step, Hold)), default=0.0)
         wanted = moves[-1].speed_m_s if moves else 0.0
 
-        def distance(file: CycleFile) -> float:
-            apart = (abs(np.log(speed / wanted)) for speed in speeds_of(file.cycle) if wanted)
-            return sum(self._apart_pa(file.cycle)) / self.pressure_tolerance_pa + min(apart, default=9)
+        def distance(file: CycleFile) -> tuple[float, float]:
+            speeds = speeds_of(file.cycle)
+            return self._apart_pa(file.cycle), min((abs(speed - wanted) for speed in speeds), default=np.inf)
 
         nearest = "; ".join(map(_described, sorted(self.files, key=distance)[:SHOWN]))
         asked = {"moves": len(moves), "speed": 1e3 * wanted, "stop": stop, "pressures": _bar(self._state)}
@@ -215,14 +213,15 @@ class ReplayRig:
     def _play(self, file: CycleFile, samples: Samples) -> Iterator[Samples]:
         if not len(samples):
             return
-        began, start, began_s = monotonic(), samples.time_s[0], file.head.began_s
+        began = monotonic()
+        start = samples.time_s[0]
+        began_s = file.head.began_s
         duration = float(np.nanmax(samples.time_s) - start)
-        parts = round(duration / PART_S / self.pace) if self.pace else len(samples) // 1000
         self._state = replace(self._state, moving=True, time_s=began_s)
         try:
-            for rows in np.array_split(np.arange(len(samples)), np.clip(parts, 1, len(samples))):
+            for rows in in_parts(len(samples), duration, self.pace):
                 part = samples.rows(rows)
-                self._wait(began, float(part.time_s[-1] - start))
+                keep_pace(self.pace, began, float(part.time_s[-1] - start), self._halted)
                 if self._halted.is_set():
                     raise RigError("the playback was stopped", where=file.name)
                 shown = {name: float(getattr(part, name)[-1]) for name in ("position_m", "force_n", "temperature_k")}
@@ -232,10 +231,6 @@ class ReplayRig:
                 yield part
         finally:
             self._state = replace(self._state, moving=False)
-
-    def _wait(self, began: float, until_s: float) -> None:
-        if self.pace is not None:
-            self._halted.wait(max(0.0, began + until_s / self.pace - monotonic()))
 
 
 def _bar(pressures: Cycle | RigState) -> str:

@@ -6,7 +6,6 @@ friction has the parameters of its law, and the modifiers of a drive file.
 
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from pathlib import Path
@@ -15,6 +14,7 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import Field, create_model
 
+from pneudrive import units
 from pneudrive.arrays import Array, Pair, Plain
 from pneudrive.describe.base import Described
 from pneudrive.describe.files import toml
@@ -179,7 +179,6 @@ NEEDED: dict[str, tuple[str, ...]] = {
 SCHEMA = 1
 #: Top-level keys of a rig file that are not tables.
 TOP = ("schema", "name", "kind", "extends")
-_PURE = re.compile(r"[+-]?(\d+(?:\.\d*)?|\.\d+)([eE][+-]?\d+)?$")
 RULE = '{ value = "25 mm", source = "assumed", reason = "..." }'
 
 
@@ -203,10 +202,10 @@ class Source:
 
 def bare(text: str) -> str | float:
     """Convert quoted numbers without a unit and quoted percentages to numbers, as in a drive file."""
-    plain = text.strip().removesuffix("%").rstrip()
-    if not _PURE.match(plain):
+    number, unit = units.split_number(text)
+    if np.isnan(number) or unit not in ("", "%"):
         return text
-    return float(plain) / 100.0 if "%" in text else float(plain)
+    return number / 100.0 if unit else number
 
 
 @lru_cache(maxsize=1)
@@ -271,34 +270,31 @@ def _table(content: Plain, name: str) -> Plain:
     return table if isinstance(table, dict) else {}
 
 
-def _plain(name: str, given: Any, sources: dict[str, Source], problems: Problems) -> Any:  # noqa: ANN401
-    """Return the values without sources, in the form of a drive file. A list or pair may have a common source."""
+def _plain(name: str, given: Any, sources: dict[str, Source], problems: Problems, origin: Plain) -> Any:  # noqa: ANN401
+    """Return the values without sources, in the form of a drive file. A list or pair may have a common `origin`."""
     if name == "friction.law":
         if isinstance(given, str):
             return given
         raise wrong(name, f"{name} must be a name without a source", rule='law = "stribeck", without a source')
-    if isinstance(given, list) and "." in name:
-        return [_plain(f"{name}.{number}", one, sources, problems) for number, one in enumerate(given)]
-    if not isinstance(given, dict):
-        if "." not in name:
-            raise wrong(name, f"{name} = {given!r} is not a table")
-        raise wrong(name, f"{name} = {given!r} has no source", rule=RULE)
-    said = {key: given[key] for key in ("source", "reason") if key in given}
-    inner = {key: value for key, value in given.items() if key not in said}
-    if "value" in given:
-        value = inner.pop("value")
-        if inner or "source" not in said:
-            what = f"{name}: {next(iter(inner))!r} is unknown" if inner else f"{name} has no source"
-            raise wrong(name, what, rule=RULE)
-        if isinstance(value, list):
-            each = [(one if isinstance(one, dict) else {"value": one}) | said for one in value]
-            return _plain(name, each, sources, problems)
-        sources[name] = Source(str(value), str(said["source"]), str(said.get("reason", "")))
-        return bare(str(value))
-    return {
-        key: problems.take(_plain, f"{name}.{key}", {"value": value} | said if said else value, sources, problems)
-        for key, value in inner.items()
-    }
+    if not isinstance(given, dict) and "." not in name:
+        raise wrong(name, f"{name} = {given!r} is not a table")
+    inner: Plain = dict(given) if isinstance(given, dict) else {"value": given}
+    origin = origin | {key: inner.pop(key) for key in ("source", "reason") if key in inner}
+    if "value" not in inner:
+        return {
+            key: problems.take(_plain, f"{name}.{key}", value, sources, problems, origin)
+            for key, value in inner.items()
+        }
+    value = inner.pop("value")
+    if inner:
+        raise wrong(name, f"{name}: {next(iter(inner))!r} is unknown", rule=RULE)
+    if isinstance(value, list):
+        return [_plain(f"{name}.{number}", one, sources, problems, origin) for number, one in enumerate(value)]
+    if "source" not in origin:
+        shown = name if isinstance(given, dict) else f"{name} = {given!r}"
+        raise wrong(name, f"{shown} has no source", rule=RULE)
+    sources[name] = Source(str(value), str(origin["source"]), str(origin.get("reason", "")))
+    return bare(str(value))
 
 
 DEFAULT = Path(__file__).with_name("default.toml")
@@ -386,7 +382,7 @@ def read_description(path: str | Path) -> RigDescription:
     path, sources = Path(path), dict[str, Source]()
     content, unsourced, problems = open_file(path), Problems(), Problems()
     plain = {
-        name: unsourced.take(_plain, name, table, sources, unsourced, otherwise={})
+        name: unsourced.take(_plain, name, table, sources, unsourced, {}, otherwise={})
         for name, table in content.items()
         if name not in TOP
     }

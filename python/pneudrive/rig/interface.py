@@ -54,10 +54,8 @@ def holds(rule: str, check: Callable[[Any], bool]) -> pydantic.AfterValidator:
 Number = Annotated[
     pydantic.StrictFloat, holds("the value is a number", lambda value: abs(value) <= LARGEST or abs(value) == math.inf)
 ]
-Positive = Annotated[Number, holds("must be positive; pressures are absolute", lambda value: 0.0 < value < math.inf)]
-NotNegative = Annotated[Number, holds("a number, not negative", lambda value: value >= 0.0)]
-Area = Annotated[Number, holds("an area is positive", lambda value: 0.0 < value < math.inf)]
-Frequency = Annotated[Number, holds("a frequency is positive", lambda value: 0.0 < value < math.inf)]
+Positive = Annotated[Number, pydantic.Field(gt=0.0, lt=math.inf)]
+NotNegative = Annotated[Number, pydantic.Field(ge=0.0)]
 Span = tuple[Number, Number]
 Limits = Annotated[Span, holds("[lowest, highest]", lambda value: value[0] < value[1])]
 #: Texts by name. Numbers are converted to text.
@@ -183,11 +181,9 @@ class Samples:
     @classmethod
     def join(cls, parts: Sequence[Samples]) -> Samples:
         """Join parts in their order. Without parts, the result has no samples."""
-        joined: dict[str, NDArray[Any]] = dict.fromkeys(CHANNELS, np.zeros(0))
-        joined["step"] = np.zeros(0, dtype=np.int64)
-        for name, none in joined.items():
-            joined[name] = np.concatenate([none, *(getattr(part, name) for part in parts)])
-        return cls(**joined)
+        none: dict[str, NDArray[Any]] = {**dict.fromkeys(CHANNELS, np.zeros(0)), "step": np.zeros(0, dtype=np.int64)}
+        all_parts = [none, *map(vars, parts)]
+        return cls(**{name: np.concatenate([part[name] for part in all_parts]) for name in none})
 
     @classmethod
     def of(cls, given: Any) -> Samples:  # noqa: ANN401 - any result of a lab's code
@@ -224,9 +220,14 @@ def closed_after(given: T) -> Iterator[T]:
             close()
 
 
+def missing_verbs(rig: object, of: type) -> list[str]:
+    """Return the methods of a protocol that a rig lacks, also through a wrapper."""
+    return [verb for verb in vars(of) if not verb.startswith("_") and not callable(getattr(rig, verb, None))]
+
+
 def has_verbs(rig: object, of: type) -> TypeGuard[Any]:
     """Return whether a rig has all methods of a protocol, possibly through a wrapper."""
-    return all(callable(getattr(rig, verb, None)) for verb in vars(of) if not verb.startswith("_"))
+    return not missing_verbs(rig, of)
 
 
 @dataclass(frozen=True)
@@ -333,8 +334,8 @@ class Identity:
     """
 
     name: str
-    area_a_m2: Area
-    area_b_m2: Area
+    area_a_m2: Positive
+    area_b_m2: Positive
     ambient_pressure_pa: Number = STANDARD_ATMOSPHERE_PA
     mass_beyond_sensor_kg: Number = 0.0
     incline_rad: Number = 0.0
@@ -347,7 +348,7 @@ class Identity:
     chambers: str = "held"
     pressure_measured_at: str = "chamber"
     synthetic: pydantic.StrictBool = False
-    bandwidth_hz: dict[str, Frequency] = field(default_factory=dict)
+    bandwidth_hz: dict[str, Positive] = field(default_factory=dict)
     force_calibration: ForceCalibration | None = None
 
     def to_dict(self) -> Plain:

@@ -139,16 +139,14 @@ def _supply(rig: Dragged, d: RigDescription, pressures_pa: Pair) -> None:
     for side, pressure in zip("ab", pressures_pa, strict=True):
         rest = d.ambient_pressure_pa if kind == "open" else pressure
         rig.volume(side, rest, volume=c.dead_volume, heat_transfer=heat)
-    if kind == "common":
-        regulator("manifold", pressures_pa[0])
     for side, pressure in zip("ab", pressures_pa, strict=True):
         source = {"open": AMBIENT, "common": "manifold", "separate": f"hose_{side}"}[kind]
-        rig.sources[side] = source
-        if kind == "separate":
-            regulator(source, pressure)
-        rig.path(f"line_{side}", c.line_conductance, ratio, (source, side))
         if kind == "open":
             rig.shutters.append(f"line_{side}")
+        elif source not in rig.sources.values():
+            regulator(source, pressure)
+        rig.sources[side] = source
+        rig.path(f"line_{side}", c.line_conductance, ratio, (source, side))
     leaks = {("a", "b"): c.piston_leakage, ("a", AMBIENT): c.leakage, ("b", AMBIENT): c.leakage}
     for ends, conductance in leaks.items():
         if conductance > 0.0:

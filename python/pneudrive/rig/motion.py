@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from time import monotonic
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -16,6 +17,8 @@ from pneudrive.errors import CommandError
 from pneudrive.files.bounds import within
 
 if TYPE_CHECKING:
+    from threading import Event
+
     from numpy.typing import ArrayLike
 
     from pneudrive.arrays import Array
@@ -286,3 +289,19 @@ def _spans(duration_s: float, moving: bool, sampling: Sampling) -> list[tuple[fl
     total = sum(counts)
     within("samples", total, f"a step of {duration_s:g} s would have {np.ceil(total):,.15g} samples", CommandError)
     return [(begin, end, math.ceil(count)) for (begin, end, _), count in zip(spans, counts, strict=True)]
+
+
+#: Size of the parts of samples from `acquire`: s in real time, otherwise number of samples.
+PART_S, PART_SAMPLES = 0.1, 2000
+
+
+def in_parts(count: int, duration_s: float, pace: float | None) -> list[slice]:
+    """Split samples into parts of equal size: by the time that they take if there is a pace, otherwise by number."""
+    size = PART_SAMPLES if pace is None else math.ceil(count * PART_S * pace / max(duration_s, PART_S * pace))
+    return [slice(start, min(start + size, count)) for start in range(0, count, size)]
+
+
+def keep_pace(pace: float | None, began: float, until_s: float, halted: Event) -> None:
+    """Wait until `until_s` after the beginning, at the pace of the rig, or until the rig is halted."""
+    if pace is not None:
+        halted.wait(max(0.0, began + until_s / pace - monotonic()))

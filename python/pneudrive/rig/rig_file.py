@@ -15,7 +15,7 @@ from pneudrive.describe.files import toml
 from pneudrive.describe.marks import NOT_NEGATIVE, POSITIVE, Between, Mark, PressureBetween, Quantity, Reads, absolute
 from pneudrive.describe.tables.geometry import PistonTable
 from pneudrive.errors import RigError, nearest, wrong
-from pneudrive.rig.interface import WORDS, Envelope, Identity, Rig
+from pneudrive.rig.interface import WORDS, Envelope, Identity, Rig, missing_verbs
 from pneudrive.signals.force_calibration import ForceCalibration, of_quantities
 
 if TYPE_CHECKING:
@@ -26,10 +26,6 @@ if TYPE_CHECKING:
 
 #: Channel in a rig file -> name and SI unit of the channel in an `Identity`.
 CHANNELS: dict[str, tuple[str, str]] = WORDS["channels"]
-
-
-MaybeStiffness = Annotated[float | None, Quantity("N/m", bounds=POSITIVE)]
-Mass = Annotated[float, Quantity("kg", bounds=NOT_NEGATIVE)]
 
 
 def _channels(mark: Callable[[str], Mark], **others: tuple[str, Mark]) -> Reads:
@@ -77,9 +73,9 @@ class IdentityTable(PistonTable):
     ambient_pressure: Annotated[units.Pressure, marks.StatedPressure(gauge_allowed=False)] = units.Pressure(
         Identity.ambient_pressure_pa, gauge=False
     )
-    mass_beyond_sensor_kg: Mass = 0.0
+    mass_beyond_sensor_kg: Annotated[float, _amount("kg")] = 0.0
     incline_rad: marks.Angle = 0.0
-    stiffness_n_m: MaybeStiffness = None
+    stiffness_n_m: Annotated[float | None, Quantity("N/m", bounds=POSITIVE)] = None
     chambers: Literal["open", "common", "separate", "held"] = "held"
     pressure_measured_at: Literal["chamber", "regulator"] = "chamber"
     accuracy: Annotated[dict[str, float], _channels(_amount, bore=("bore_m", _amount("m")))] = Field(
@@ -253,8 +249,7 @@ def load_rig(
 def _own_rig(source: str, make: Callable[[], Any]) -> Rig:
     """Call custom code, a function or class, without arguments, and check that it returns a rig."""
     rig: Rig = own_code.guarded(source, RigError, make)
-    missing = [verb for verb in vars(Rig) if not verb.startswith("_") and not callable(getattr(rig, verb, None))]
-    if missing:
+    if missing := missing_verbs(rig, Rig):
         raise RigError.of("rig.returned", source=source, type=type(rig).__name__, missing=", ".join(missing))
     return rig
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from copy import deepcopy
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from threading import Event, RLock
 from time import monotonic
@@ -17,7 +17,7 @@ from pneudrive.repr_tables import Shown
 from pneudrive.rig.description import DEFAULT, RIGID, AnalogSensor, RigDescription, read_description
 from pneudrive.rig.interface import CHANNELS, SHARED, WORDS, Envelope, Hold, Identity, Move, RigState, Samples, Step
 from pneudrive.rig.machine import CREEP_M_S, Machine, Past, core_friction, core_rig, drag, steady_friction_n, stream
-from pneudrive.rig.motion import Motion, cycles, step_times
+from pneudrive.rig.motion import PART_S, Motion, cycles, in_parts, keep_pace, step_times
 from pneudrive.signals.recording import Recording
 
 if TYPE_CHECKING:
@@ -275,19 +275,18 @@ class Instruments:
         self.d = d
         draw = stream(seed, "calibration").standard_normal(7)
         force = d.tables.force_sensor.accuracy
-        air = d.tables.pressure_sensor.accuracy
-        warm = d.tables.temperature_sensor.accuracy
         self.force = replace(
             d.force_sensor,
             gain_error=force / d.force_sensor.high * draw[0],
             hysteresis=force * HYSTERESIS_SHARE / 2.0**0.5 * draw[1],
         )
-        self.pressure_a = self._pressure(air, draw[2], draw[3])
-        self.pressure_b = self._pressure(air, draw[4], draw[5])
-        self.thermometer = replace(d.thermometer, zero=warm * draw[6])
+        self.pressure_a = self._pressure(draw[2], draw[3])
+        self.pressure_b = self._pressure(draw[4], draw[5])
+        self.thermometer = replace(d.thermometer, zero=d.tables.temperature_sensor.accuracy * draw[6])
 
-    def _pressure(self, accuracy: float, zero: float, gain: float) -> AnalogSensor:
+    def _pressure(self, zero: float, gain: float) -> AnalogSensor:
         sensor, ambient = self.d.pressure_sensor, self.d.ambient_pressure_pa
+        accuracy = self.d.tables.pressure_sensor.accuracy
         relative = accuracy / (sensor.high - ambient) * gain
         # The error of the gain is proportional to the gauge pressure.
         shift = sensor.zero + accuracy * zero - relative * ambient
@@ -333,8 +332,6 @@ class Instruments:
 
 #: Speed of moves without a stated speed, such as homing.
 HOME_SPEED_M_S = 0.05
-#: Size of the parts of samples from `acquire`: s in real time, otherwise number of samples.
-PART_S, PART_SAMPLES = 0.1, 2000
 #: Default range of room temperature for measuring, K relative to that of the rig file (assumed).
 USUAL_TEMPERATURES_K = (-10.0, 15.0)
 
@@ -343,11 +340,11 @@ USUAL_TEMPERATURES_K = (-10.0, 15.0)
 class _Run:
     """Running motion of the axis, for threads that stop or display it.
 
-    ``present`` is the present step with the history at its start and its motion, and ``reached_s`` the time reached in
-    it. ``seen`` holds the last readings of the sensors.
+    ``halted`` is set when the axis must stop. ``present`` is the present step with the history at its start and its
+    motion, and ``reached_s`` the time reached in it. ``seen`` holds the last readings of the sensors.
     """
 
-    alive: bool = True
+    halted: Event = field(default_factory=Event)
     present: tuple[Past, Step, Motion] | None = None
     reached_s: float = 0.0
     seen: dict[str, float] | None = None
@@ -373,15 +370,15 @@ class RigSession:
         if pace is not None and not pace > 0.0:
             raise RigError(f"pace = {pace} is not positive", rule="pace is the speed of the rig relative to real time")
         self.rig, self.seed, self.pace = rig, seed, pace
-        self._machine = Machine(rig.description, seed)
-        self._instruments = Instruments(rig.description, seed)
+        self._d = d = rig.description
+        self._machine, self._instruments = Machine(d, seed), Instruments(d, seed)
         self._rng = stream(seed, "noise", "")
         #: History of the rig. A step replaces it.
         self.past = self._machine.new()
         self._running: _Run | None = None
         #: Called after each step of a cycle with machine, history before the step, step, motion and true signals.
         self.observe: Observer | None = None
-        self._lock, self._halted = RLock(), Event()
+        self._lock = RLock()
 
     # --- what it is --------------------------------------------------------------------------
 
@@ -391,8 +388,11 @@ class RigSession:
 
     def limits(self) -> Envelope:
         """Return the limits of the rig."""
-        d, tables = self.rig.description, self.rig.description.tables
-        ambient, safety, servo, kind = d.ambient_pressure_pa, tables.safety, tables.servo, tables.chambers.kind
+        d, tables = self._d, self._d.tables
+        ambient = d.ambient_pressure_pa
+        safety = tables.safety
+        servo = tables.servo
+        kind = tables.chambers.kind
         highest = ambient if kind == "open" else min(
             safety.pressure or d.pressure_sensor.high, tables.supply.pressure or np.inf
         )  # fmt: skip
@@ -418,8 +418,10 @@ class RigSession:
     def state(self) -> RigState:
         """Return the state of the rig, with readings without noise."""
         with self._lock:
-            past, run, is_moving = self.past, self._running or _Run(), self._running is not None
-            supply = self.rig.description.tables.supply.pressure or max(past.pressure_a_pa, past.pressure_b_pa)
+            past = self.past
+            run = self._running or _Run()
+            is_moving = self._running is not None
+            supply = self._d.tables.supply.pressure or max(past.pressure_a_pa, past.pressure_b_pa)
             began = run.present[0] if run.present is not None else past
             seen: Plain = run.seen or self._at_rest(began)
             clock = began.clock_s + run.reached_s
@@ -449,10 +451,9 @@ class RigSession:
             raise RigError.of("rig.one-regulator", a=a_pa, b=b_pa)
         self._idle()
         with self._lock:
-            began = self.past.clock_s
+            clock_s = self.past.clock_s
             self.past = self._machine.settle(self.past, a_pa, b_pa)
-            duration = self.past.clock_s - began
-        self._wait(monotonic(), duration)
+        keep_pace(self.pace, monotonic(), self.past.clock_s - clock_s, Event())
 
     def move(self, to_m: float, speed_m_s: float) -> None:
         """Move from rest to rest without recording."""
@@ -469,13 +470,13 @@ class RigSession:
         """
         self._idle()
         self._check(steps)
-        return self._acquire(list(steps), sampling or self.rig.description.sampling)
+        return self._acquire(list(steps), sampling or self._d.sampling)
 
     def stop(self) -> None:
         """Bring the axis to rest and release the pressure; safe to call at any time, also twice."""
         with self._lock:
             self._halt(self._running)
-            ambient = self.rig.description.ambient_pressure_pa
+            ambient = self._d.ambient_pressure_pa
             if (self.past.pressure_a_pa, self.past.pressure_b_pa) != (ambient, ambient):
                 self.past = self._machine.settle(self.past, ambient, ambient)
 
@@ -500,7 +501,7 @@ class RigSession:
 
         Seal and drive accept any name.
         """
-        return {"mounting": tuple({RIGID: None, **self.rig.description.tables.mounting})}
+        return {"mounting": tuple({RIGID: None, **self._d.tables.mounting})}
 
     def change(self, levels: dict[str, str]) -> None:
         """Set the levels of mounted factors. A new seal or drive starts without run-in."""
@@ -545,7 +546,6 @@ class RigSession:
         with self._lock:  # reserve the axis
             self._idle()
             self._running = run = _Run()
-            self._halted.clear()
         rng = None if sampling is None else self._rng
         began, done_s = monotonic(), 0.0
         last = max((i for i, step in enumerate(steps) if getattr(step, "duration_s", 1.0) > 0.0), default=-1)
@@ -560,10 +560,10 @@ class RigSession:
                     self.observe(self._machine, before, step, motion, true)
                 seen = self._instruments.read(true, before, rng, getattr(step, "weight_n", 0.0))
                 count = times.size if i == last else times.size - 1
-                for part in self._parts(times[:count], motion.duration_s):
+                for part in in_parts(count, motion.duration_s, self.pace):
                     end = part.stop - 1
                     reached_s = float(times[end])
-                    self._wait(began, done_s + reached_s)
+                    keep_pace(self.pace, began, done_s + reached_s, run.halted)
                     self._alive(run)
                     run.reached_s = reached_s
                     run.seen = {name: float(values[end]) for name, values in seen.items()}
@@ -578,12 +578,9 @@ class RigSession:
 
     def _times(self, duration_s: float, moving: bool, sampling: Sampling | None) -> Array:
         """Return the sample times of a step, including its end. Without `sampling`, return times for a display."""
-        if sampling is not None:
-            times = step_times(duration_s, moving, sampling)
-        elif self.pace is None:
-            times = np.zeros(0)
-        else:  # with a pace, a user watches
-            times = np.arange(1, int(duration_s / (PART_S * self.pace)) + 1) * (PART_S * self.pace)
+        interval_s = PART_S * (self.pace or np.inf)  # with a pace, a user watches
+        shown = np.arange(1, int(duration_s / interval_s) + 1) * interval_s
+        times = shown if sampling is None else step_times(duration_s, moving, sampling)
         return np.append(times, duration_s)
 
     def _ahead(self, run: _Run, step: Step, motion: Motion, times: Array) -> tuple[Past, Columns]:
@@ -601,33 +598,15 @@ class RigSession:
             self.past = after
         return before, true
 
-    def _parts(self, times: Array, duration_s: float) -> Iterator[slice]:
-        """Split the samples of a step into parts: by time if there is a pace, otherwise by number."""
-        if self.pace is None:
-            borders = list(range(0, times.size, PART_SAMPLES))
-        else:
-            ends = np.arange(0.0, duration_s, PART_S * self.pace)
-            borders = np.unique(np.searchsorted(times, ends)).tolist()
-        for start, stop in zip(borders, [*borders[1:], times.size], strict=True):
-            if stop > start:
-                yield slice(start, stop)
-
     def _alive(self, run: _Run) -> None:
-        if not run.alive:
+        if run.halted.is_set():
             raise RigError("the axis was stopped", remedy="Repeat the cycle.")
 
     def _halt(self, run: _Run | None) -> None:
         """End an acquisition, and brake from the present motion of the axis."""
-        if run is None or not run.alive:
+        if run is None or run.halted.is_set():
             return
-        run.alive = False
-        self._halted.set()
-        if self._running is run:
-            self._running = None
+        run.halted.set()
+        self._running = None
         if run.present is not None:
             self.past = self._machine.cut(*run.present, run.reached_s)
-
-    def _wait(self, began: float, until_s: float) -> None:
-        """Wait until `until_s` after the beginning, at the rig's pace, or until the rig is stopped."""
-        if self.pace is not None:
-            self._halted.wait(max(0.0, began + until_s / self.pace - monotonic()))
