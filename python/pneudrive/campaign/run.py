@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from contextlib import ExitStack, contextmanager
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -22,8 +22,6 @@ from pneudrive.rig.interface import Rig, as_json, closed_after
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
-
-    from pneudrive.arrays import Plain
 
 
 @dataclass(frozen=True, repr=False)
@@ -104,9 +102,21 @@ def run_campaign(
         with FolderLock(folder) as lock:
             if (folder / ABOUT).exists():  # another process was faster
                 raise CampaignError.of("campaign.begun", where=folder, folder=folder)
-            operator = (options and options.operator) or asked.operator
-            about = _about(plan, operator, {**asked.labels, **(labels or {})}, source)
-            inputs = [stored_input("rig", source, source, _digest(source))] if Path(source).is_file() else []
+            digest = _digest(source)
+            about = {
+                "name": asked.name,
+                "seed": asked.seed,
+                "operator": (options and options.operator) or asked.operator,
+                "labels": {**asked.labels, **(labels or {})},
+                "synthetic": plan.identity.synthetic,
+                "created": now(),
+                "version": __version__,
+                "filter": asked.filter.stored(),
+                "rig": source,
+                "rig_sha256": digest,
+                "envelope": asdict(plan.envelope),
+            }
+            inputs = [stored_input("rig", source, source, digest)] if Path(source).is_file() else []
             about |= stored_beside({INPUTS: inputs}, folder)
             campaign = create(folder, asked.text, plan.identity, about)
             return _run(campaign, plan, bench, options, lock, subscribers)
@@ -142,25 +152,23 @@ def resume_campaign(
     folder = Path(folder)
     campaign = Campaign.open(folder)
     plan = plan_of(campaign)
-    with FolderLock(folder) as lock, ExitStack() as opened:
-        found: dict[str, str | None] = {}
-        if rig is None:  # the rig named in the folder, if this is allowed
-            rig = campaign.about.get("rig")
-            made_with = campaign.about.get("rig_sha256")
-            where = str(folder / ABOUT)
-            if not rig or not isinstance(rig, str):
-                raise CampaignError("the folder does not name its rig", where=where, remedy="Add --rig RIG.")
-            if allow_code is not None and made_with != allow_code.strip().lower():
-                names = {"made_with": made_with or "not stated", "allowed": allow_code, "rig": rig}
-                raise CampaignError.of("campaign.other-code", where=where, **names)
-            found = {"found_in": where, "allow_code": allow_code}
-        bench, source = opened.enter_context(_bench(rig, plan.protocol.seed, pace, **found))
-        identity, before = bench.identity(), str(campaign.about.get("rig_sha256", ""))
+    where, made_with = str(folder / ABOUT), str(campaign.about.get("rig_sha256") or "")
+    found: dict[str, str | None] = {}
+    if rig is None:  # the rig named in the folder, if this is allowed
+        rig = campaign.about.get("rig")
+        if not rig or not isinstance(rig, str):
+            raise CampaignError("the folder does not name its rig", where=where, remedy="Add --rig RIG.")
+        if allow_code is not None and made_with != allow_code.strip().lower():
+            names = {"made_with": made_with or "not stated", "allowed": allow_code, "rig": rig}
+            raise CampaignError.of("campaign.other-code", where=where, **names)
+        found = {"found_in": where, "allow_code": allow_code}
+    with FolderLock(folder) as lock, _bench(rig, plan.protocol.seed, pace, **found) as (bench, source):
+        identity = bench.identity()
         here, there = (as_json(one.to_dict()) for one in (identity, campaign.identity))
         # The text on errors of a simulated rig depends on the version; the hash of its file identifies it.
         free = {"calibration"} if identity.synthetic else set()
         other = [name for name in here if name not in free and here[name] != there[name]]
-        if not other and identity.synthetic and before and _digest(source) not in ("", before):
+        if not other and identity.synthetic and made_with and _digest(source) not in ("", made_with):
             other = [f"the file {source}"]
         if other:  # cycles of another rig are not comparable
             raise CampaignError.of("campaign.other-rig", where=campaign.path, names=", ".join(other))
@@ -215,23 +223,6 @@ def _bench(
         elif file and Path(file).is_file():
             source = f"{Path(file).resolve()}:{name}"
         yield bench, source
-
-
-def _about(plan: Plan, operator: str, labels: dict[str, str], source: str) -> Plain:
-    protocol = plan.protocol
-    return {
-        "name": protocol.name,
-        "seed": protocol.seed,
-        "operator": operator,
-        "labels": labels,
-        "synthetic": plan.identity.synthetic,
-        "created": now(),
-        "version": __version__,
-        "filter": protocol.filter.stored(),
-        "rig": source,
-        "rig_sha256": _digest(source),
-        "envelope": asdict(plan.envelope),
-    }
 
 
 def _digest(source: str) -> str:

@@ -10,9 +10,7 @@ from __future__ import annotations
 
 import math
 import threading
-import traceback
 from concurrent.futures import Future, wait
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -21,6 +19,7 @@ from pneudrive.campaign.cycle import WORDS, Cycle, Head
 from pneudrive.campaign.storage.control import now
 from pneudrive.constants import ZERO_CELSIUS_K
 from pneudrive.errors import PneudriveError, RigError
+from pneudrive.own_code import place_of
 from pneudrive.rig import Changeable, Reproducible
 from pneudrive.rig.interface import CHANNELS, JobThread, Move, Samples, as_json, closed_after, has_verbs
 from pneudrive.signals.recording import clipped, equal_runs, stuck_position, stuck_runs
@@ -28,9 +27,8 @@ from pneudrive.signals.recording import clipped, equal_runs, stuck_position, stu
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from pneudrive.arrays import Array, Bools, Interval, Ints, Pair, Plain
-    from pneudrive.campaign.planning.preflight import Plan
-    from pneudrive.rig.interface import Identity, Rig, RigState
+    from pneudrive.arrays import Array, Bools, Ints, Pair, Plain
+    from pneudrive.rig.interface import Envelope, Identity, Rig, RigState
 
 
 #: Longest time for a rig to come to rest before the campaign ends without it, s.
@@ -68,12 +66,13 @@ class Attempts:
     Parameters
     ----------
     rig : Rig
-    bounds : MeasuringBounds
+    bounds : Envelope
+        Conditions for measuring.
     show : callable
         Called with each part of the samples.
     """
 
-    def __init__(self, rig: Rig, bounds: MeasuringBounds, show: Callable[[Samples], None]) -> None:
+    def __init__(self, rig: Rig, bounds: Envelope, show: Callable[[Samples], None]) -> None:
         self.rig, self._bounds, self._show = rig, bounds, show
         self._interrupted, self._at_rest = threading.Event(), False  # whether the present job must end soon
         self._thread = JobThread("pneudrive-rig")
@@ -171,7 +170,7 @@ class Attempts:
             for given in acquired:
                 parts.append(Samples.of(given))
                 self._go_on()
-                if wrong := self._bounds.during(parts[-1], rig):
+                if wrong := broken_during(self._bounds, parts[-1], rig):
                     raise GiveUpError(wrong)
                 self._show(parts[-1])
             self._go_on()  # the rig may have ended early on a request
@@ -212,9 +211,8 @@ def rig_error(error: BaseException) -> PneudriveError:
     """Return an error of pneudrive unchanged; convert an error of custom code to a RigError."""
     if isinstance(error, PneudriveError):
         return error
-    frame = traceback.extract_tb(error.__traceback__)[-1]
-    where = f"{frame.filename}:{frame.lineno}"
-    wrapped = RigError(f"the custom code of the rig failed: {type(error).__name__}: {error}", where=where)
+    what = f"the custom code of the rig failed: {type(error).__name__}: {error}"
+    wrapped = RigError(what, where=place_of(error))
     wrapped.__cause__ = error
     return wrapped
 
@@ -225,74 +223,54 @@ def rig_error(error: BaseException) -> PneudriveError:
 IN_A_ROW = 3
 #: Fraction of the largest force below which an attempt may begin.
 RESUME_SHARE = 0.9
-#: Messages for a fault and for a rig that does not answer.
-FAULT, NO_ANSWER = "fault of the rig", "the rig does not answer"
+#: Beginnings of the reasons that are no condition, but a failure of the rig.
+FAILURES = FAULT, NO_ANSWER = "fault of the rig", "the rig does not answer"
 
 
-@dataclass(frozen=True)
-class MeasuringBounds:
-    """Conditions for measuring.
+def broken_condition(bounds: Envelope, state: RigState) -> str:
+    """Return the condition for measuring that is not met, in words; empty if all are met.
 
-    Parameters
-    ----------
-    supply_pressure_pa : float
-        Lowest absolute supply pressure; 0: not monitored.
-    temperature_k : (float, float)
-    force_n : float
-        Magnitude of the force at which a cycle is abandoned, to protect sensor and rig.
+    NaN does not meet a condition. The largest force is that at which a cycle is abandoned, to protect sensor and rig.
     """
+    if state.fault:
+        return f"{FAULT}: {state.fault}"
+    if bounds.supply_pressure_pa > 0.0 and not state.supply_pressure_pa >= bounds.supply_pressure_pa:
+        return (
+            f"the supply pressure is {state.supply_pressure_pa / 1e5:.3g} bar absolute, "
+            f"less than {bounds.supply_pressure_pa / 1e5:.3g} bar"
+        )
+    low, high = bounds.temperature_k
+    if math.isfinite(high - low) and not low <= state.temperature_k <= high:
+        return f"the temperature is {_celsius(state.temperature_k)}, not {_celsius(low)} to {_celsius(high)}"
+    if not abs(state.force_n) < RESUME_SHARE * bounds.force_n:
+        return f"the force is {state.force_n:.4g} N, near the limit of {bounds.force_n:.4g} N"
+    return ""
 
-    supply_pressure_pa: float
-    temperature_k: Interval
-    force_n: float
 
-    failures = (FAULT, NO_ANSWER)  # beginnings of the reasons that are no condition, but a failure of the rig
+def broken_during(bounds: Envelope, samples: Samples, rig: Rig) -> str:
+    """Return the condition that the state or the latest samples of a running cycle violate. NaN violates none."""
+    state = rig.state()
+    if state.fault or (bounds.supply_pressure_pa > 0.0 and state.supply_pressure_pa < bounds.supply_pressure_pa):
+        return broken_condition(bounds, state)
+    with np.errstate(invalid="ignore"):
+        force = np.abs(samples.force_n)
+        high = force >= bounds.force_n
+        if np.convolve(high, np.ones(IN_A_ROW), "valid").max(initial=0.0) >= IN_A_ROW:
+            return f"the force reached {float(force[high].max()):.4g} N; the limit is {bounds.force_n:.4g} N"
+        (low, top), temperature = bounds.temperature_k, samples.temperature_k
+        outside = (temperature < low) | (temperature > top)
+        if outside.any():
+            reached = _celsius(float(temperature[outside][0]))
+            return f"the temperature reached {reached}, not {_celsius(low)} to {_celsius(top)}"
+    return ""
 
-    @classmethod
-    def of(cls, plan: Plan) -> MeasuringBounds:
-        """Return the tighter of the bounds of protocol and rig for each condition."""
-        allowed, force_share = plan.allowed, plan.protocol.conditions.force_share
-        return cls(allowed.supply_pressure_pa, allowed.temperature_k, force_share * allowed.force_n)
 
-    def broken_by(self, state: RigState) -> str:
-        """Return the condition that is not met, in words; empty if all are met. NaN does not meet a condition."""
-        if state.fault:
-            return f"{FAULT}: {state.fault}"
-        if self.supply_pressure_pa > 0.0 and not state.supply_pressure_pa >= self.supply_pressure_pa:
-            return (
-                f"the supply pressure is {state.supply_pressure_pa / 1e5:.3g} bar absolute, "
-                f"less than {self.supply_pressure_pa / 1e5:.3g} bar"
-            )
-        low, high = self.temperature_k
-        if math.isfinite(high - low) and not low <= state.temperature_k <= high:
-            return f"the temperature is {_celsius(state.temperature_k)}, not {_celsius(low)} to {_celsius(high)}"
-        if not abs(state.force_n) < RESUME_SHARE * self.force_n:
-            return f"the force is {state.force_n:.4g} N, near the limit of {self.force_n:.4g} N"
-        return ""
-
-    def during(self, samples: Samples, rig: Rig) -> str:
-        """Return the condition that the state or the latest samples of a running cycle violate. NaN violates none."""
-        state = rig.state()
-        if state.fault or (self.supply_pressure_pa > 0.0 and state.supply_pressure_pa < self.supply_pressure_pa):
-            return self.broken_by(state)
-        with np.errstate(invalid="ignore"):
-            force = np.abs(samples.force_n)
-            high = force >= self.force_n
-            if np.convolve(high, np.ones(IN_A_ROW), "valid").max(initial=0.0) >= IN_A_ROW:
-                return f"the force reached {float(force[high].max()):.4g} N; the limit is {self.force_n:.4g} N"
-            temperature = samples.temperature_k
-            outside = (temperature < self.temperature_k[0]) | (temperature > self.temperature_k[1])
-            if outside.any():
-                low, top = (_celsius(limit) for limit in self.temperature_k)
-                return f"the temperature reached {_celsius(float(temperature[outside][0]))}, not {low} to {top}"
-        return ""
-
-    def look(self, rig: Rig) -> str:
-        """Query the state of the rig. Return the reason why measuring cannot continue; empty if it can."""
-        try:
-            return self.broken_by(rig.state())
-        except Exception as error:  # a laboratory's code may raise anything if the connection is lost
-            return f"{NO_ANSWER}: {str(error).splitlines()[0] if str(error) else type(error).__name__}"
+def trouble_of(bounds: Envelope, rig: Rig) -> str:
+    """Query the state of the rig. Return the reason why measuring cannot continue; empty if it can."""
+    try:
+        return broken_condition(bounds, rig.state())
+    except Exception as error:  # a laboratory's code may raise anything if the connection is lost
+        return f"{NO_ANSWER}: {str(error).splitlines()[0] if str(error) else type(error).__name__}"
 
 
 def _celsius(kelvin: float) -> str:
@@ -367,7 +345,9 @@ def _dropped(time: Array, step: Ints, cycle: Cycle) -> int:
         members = np.flatnonzero(step == number)
         if members.size < 2:
             continue
-        begin, end, inside = time[members[0]], time[members[-1]], members[:-1]
+        begin = time[members[0]]
+        end = time[members[-1]]
+        inside = members[:-1]
         moving = isinstance(one, Move)
         planned_s = (end - begin) / sampling.samples_per_stroke if moving else 1.0 / sampling.hold_rate_hz
         early = time[inside + 1] - begin <= sampling.burst_after_s

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 from pneudrive import __version__
 from pneudrive.campaign.cycle import WORDS, Cycle, Head
-from pneudrive.campaign.running.attempt import SERIOUS, Attempts, GiveUpError, MeasuringBounds, arrival_flags, rig_error
+from pneudrive.campaign.running import attempt
 from pneudrive.campaign.running.live import Display, LiveFiles, counted
 from pneudrive.campaign.storage import control
 from pneudrive.campaign.storage.folder import CYCLES, LOG, Campaign, tidy, write_cycle
@@ -202,8 +202,10 @@ class CampaignRun:
         for line in tidied:
             self._tell(line)
         self._requests = control.Requests(campaign.path)
-        self._bounds = MeasuringBounds.of(plan)
-        self._attempts = Attempts(rig, self._bounds, partial(self._show, "part"))
+        # The tighter of the bounds of protocol and rig for each condition.
+        force_n = plan.protocol.conditions.force_share * plan.allowed.force_n
+        self._bounds = replace(plan.allowed, force_n=force_n)
+        self._attempts = attempt.Attempts(rig, self._bounds, partial(self._show, "part"))
         self.finished = {file.cycle.key: file.head.flags for file in files}
         numbers = (path.name.partition("-")[0] for path in (campaign.path / CYCLES).glob("[0-9]*"))
         self._index = max((int(number) for number in numbers if number.isdigit()), default=0)
@@ -290,7 +292,7 @@ class CampaignRun:
                 documents.event(data)
                 self._checkpoint()
                 flags = self.finished[key]
-                bad = bad + 1 if SERIOUS & flags.keys() else 0
+                bad = bad + 1 if attempt.SERIOUS & flags.keys() else 0
                 if bad >= MOST_BAD:
                     where = str(self.campaign.path / CYCLES / data["file"])
                     raise CampaignError.of("campaign.bad-cycles", where=where, value=counted(flags), count=bad)
@@ -434,10 +436,10 @@ class CampaignRun:
                 raise CampaignError.of("campaign.disk-full", where=self.campaign.path, **sizes)
             self._checkpoint()
             number += 1
-            attempt = self._on_rig(partial(self._attempts.run, cycle=cycle, settling_s=settling_s, number=number))
-            error = attempt.exception()
+            run = self._on_rig(partial(self._attempts.run, cycle=cycle, settling_s=settling_s, number=number))
+            error = run.exception()
             if error is None:
-                return attempt.result()
+                return run.result()
             if self._pausing != control.STOP:  # this request ended the cycle
                 failures += 1
                 self._give_up(cycle, error, failures)
@@ -452,12 +454,12 @@ class CampaignRun:
         PneudriveError
             Error of the rig, or the message that no attempts are left.
         """
-        of_rig = None if isinstance(error, GiveUpError) else rig_error(error)
+        of_rig = None if isinstance(error, attempt.GiveUpError) else attempt.rig_error(error)
         reason = str(of_rig or error).splitlines()[0].strip()
         self._rest()
         self._tell(f"{cycle.key} was given up: {reason}")
         lost = of_rig is None or _lost(of_rig)
-        if not lost and not self._trouble().startswith(self._bounds.failures):
+        if not lost and not self._trouble().startswith(attempt.FAILURES):
             raise of_rig  # type: ignore[misc] - not None if the connection is not lost
         if failures >= MOST_ATTEMPTS:
             counts = {"key": cycle.key, "times": failures, "most": MOST_ATTEMPTS}
@@ -465,7 +467,7 @@ class CampaignRun:
 
     def _trouble(self) -> str:
         """Return the reason why measuring cannot continue; empty if it can."""
-        return self._on_rig(self._bounds.look, moves=False).result()
+        return self._on_rig(partial(attempt.trouble_of, self._bounds), moves=False).result()
 
     def _rest(self) -> None:
         trouble = self._attempts.rest()
@@ -486,7 +488,7 @@ class CampaignRun:
             if wrong and _without_numbers(wrong) != _without_numbers(last_wrong):
                 self._tell(f"waiting before {cycle.key}: {wrong}")
                 self._lock.tell(state="waiting", text=wrong)
-            if wrong.startswith(self._bounds.failures):
+            if wrong.startswith(attempt.FAILURES):
                 self._attempts.homed = False
             if wrong and not last_wrong:
                 self._rest()
@@ -509,7 +511,7 @@ class CampaignRun:
         cycle = head.cycle
         assert cycle.key not in self.finished, f"{cycle.key} is finished already"
         self._index += 1
-        flags = arrival_flags(samples, cycle, self.campaign.identity) if cycle.steps else {}
+        flags = attempt.arrival_flags(samples, cycle, self.campaign.identity) if cycle.steps else {}
         head = replace(head, index=self._index, flags=flags, confirmed=confirmed)
         path = write_cycle(self.campaign.path, head, samples)
         self._attempts.finished(head)

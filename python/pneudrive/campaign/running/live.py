@@ -1,4 +1,4 @@
-"""Displays of a running campaign: one table or plain lines in the terminal, and two files in ``control/``."""
+"""Displays of a running campaign: one table or plain lines in the terminal, and a file in ``control/``."""
 
 from __future__ import annotations
 
@@ -6,15 +6,16 @@ import json
 import sys
 import threading
 from contextlib import suppress
+from io import BytesIO
 from time import monotonic
 from typing import TYPE_CHECKING, Any
-from zlib import crc32
+from zipfile import BadZipFile
 
 import numpy as np
 
-from pneudrive.campaign.storage.control import FOLDER, LIVE, LIVE_POINTS, write_whole
+from pneudrive.campaign.storage.control import FOLDER, LIVE, write_whole
 from pneudrive.errors import CampaignError
-from pneudrive.files.content import read_bytes, read_json
+from pneudrive.files.content import read_bytes
 from pneudrive.numbers import duration
 
 if TYPE_CHECKING:
@@ -31,7 +32,6 @@ if TYPE_CHECKING:
     Points = NDArray[np.float32]
 
 REFRESHED_HZ = 5.0
-LINES = 6  # of the latest messages
 
 
 def counted(flags: dict[str, int]) -> str:
@@ -98,7 +98,7 @@ class Display:
 
 
 class TerminalDisplay(Display):
-    """A live table on a terminal: finished cycles, remaining time, the current cycle, the latest messages.
+    """A live table on a terminal: finished cycles, remaining time and the current cycle. Messages are printed above it.
 
     In a file or pipe, a line is written for each finished cycle and message.
 
@@ -114,7 +114,6 @@ class TerminalDisplay(Display):
         self._is_screen = sys.stdout.isatty() if console is None else console.is_terminal
         self._console = console or Console(file=sys.stdout, highlight=False)  # even if redirected later
         self._live: Any = None
-        self._messages: list[str] = []
 
     def began(self, plan: Plan, done: Collection[str]) -> None:
         """Show that the campaign begins."""
@@ -136,9 +135,7 @@ class TerminalDisplay(Display):
 
     def say(self, text: str) -> None:
         """Show a line."""
-        self._messages = [*self._messages, text][-LINES:]
-        if self._live is None:
-            self._console.print(text, markup=False, highlight=False, soft_wrap=True)
+        self._console.print(text, markup=False, highlight=False, soft_wrap=True)
 
     def suspend(self) -> None:
         """Release the terminal for a prompt."""
@@ -150,7 +147,6 @@ class TerminalDisplay(Display):
         """Use the terminal again after a prompt."""
         from rich.live import Live
 
-        self._messages = []
         if self._is_screen and self._live is None:
             options = {"refresh_per_second": REFRESHED_HZ, "redirect_stdout": False, "redirect_stderr": False}
             self._live = Live(get_renderable=self._table, console=self._console, **options)
@@ -171,8 +167,6 @@ class TerminalDisplay(Display):
         table.add_row(Text(self.title), ProgressBar(total=self.total, completed=self.count, width=40))
         table.add_row("cycles", f"{self.count}/{self.total}, {self.left} left")
         table.add_row("now", Text(f"{self.key}, {self.samples} samples" if self.key else ""))
-        for message in self._messages:
-            table.add_row("", Text(message))
         return table
 
 
@@ -184,7 +178,7 @@ SHOWN = 4000
 
 
 class LiveFiles(Display):
-    """Display of a running campaign that writes its progress to files.
+    """Display of a running campaign that writes its progress to a file.
 
     Parameters
     ----------
@@ -197,7 +191,6 @@ class LiveFiles(Display):
         self._end = threading.Event()
         self._thread = threading.Thread(target=self._write_on, daemon=True)
         self._points = np.zeros((0, len(COLUMNS)), dtype=np.float32)
-        self._written: dict[str, Any] = {}
 
     def began(self, plan: Plan, done: Collection[str]) -> None:
         """Begin to write."""
@@ -217,27 +210,22 @@ class LiveFiles(Display):
         super().part(samples)
 
     def ended(self) -> None:
-        """End the writing, and remove the files."""
+        """End the writing, and remove the file."""
         self._end.set()
         if self._thread.is_alive():
             self._thread.join()
-        for name in (LIVE, LIVE_POINTS):
-            with suppress(OSError):
-                (self._folder / name).unlink()
+        with suppress(OSError):
+            (self._folder / LIVE).unlink()
 
     def _write_on(self) -> None:
+        written: Plain = {}
         while not self._end.wait(EVERY_S):
-            with suppress(CampaignError):  # a disk that is full tells the campaign itself
-                self._write()
-
-    def _write(self) -> None:
-        data = thinned(self._points, SHOWN).astype("<f4").tobytes()
-        about = {"cycle": self.key, "planned": self.total, "done": self.count, "samples": self.samples}
-        about |= {"columns": COLUMNS, "crc32": crc32(data)}
-        if self.key and about != self._written:
-            self._written = about
-            write_whole(self._folder / LIVE_POINTS, data, flush=False)
-            write_whole(self._folder / LIVE, json.dumps(about | {"left": self.left}).encode(), flush=False)
+            about = {"cycle": self.key, "samples": self.samples}
+            if self.key and about != written:
+                written, file = about, BytesIO()
+                np.savez(file, about=json.dumps(about | {"left": self.left}), points=thinned(self._points, SHOWN))
+                with suppress(CampaignError):  # a disk that is full tells the campaign itself
+                    write_whole(self._folder / LIVE, file.getvalue(), flush=False)
 
 
 def thinned(points: Points, most: int) -> Points:
@@ -260,7 +248,7 @@ def thinned(points: Points, most: int) -> Points:
 
 
 def read_live(folder: Path) -> tuple[Plain, Columns] | None:
-    """Read the files of the running cycle of a campaign. Return None if they are missing or being replaced.
+    """Read the file of the running cycle of a campaign. Return None if it is missing or damaged.
 
     Returns
     -------
@@ -269,11 +257,7 @@ def read_live(folder: Path) -> tuple[Plain, Columns] | None:
         array of shape (n,) for each of `COLUMNS`.
     """
     try:
-        about = read_json(folder / FOLDER / LIVE, CampaignError)
-        data = read_bytes(folder / FOLDER / LIVE_POINTS, CampaignError)
-        if about["crc32"] != crc32(data) or tuple(about["columns"]) != COLUMNS:
-            return None
-        rows = np.frombuffer(data, dtype="<f4").reshape(-1, len(COLUMNS))
-        return {key: about[key] for key in ("cycle", "left", "samples")}, dict(zip(COLUMNS, rows.T, strict=True))
-    except (CampaignError, KeyError, TypeError, ValueError):
+        with np.load(BytesIO(read_bytes(folder / FOLDER / LIVE, CampaignError))) as file:
+            return json.loads(str(file["about"])), dict(zip(COLUMNS, file["points"].T, strict=True))
+    except (CampaignError, KeyError, ValueError, BadZipFile):
         return None

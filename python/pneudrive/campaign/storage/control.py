@@ -18,6 +18,7 @@ from collections import deque
 from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass, replace
 from datetime import datetime
+from itertools import chain
 from pathlib import Path
 from time import monotonic, sleep, time_ns
 from typing import TYPE_CHECKING, Any
@@ -114,20 +115,10 @@ def no_links(folder: Path) -> None:
     CampaignError
         If the folder or one of its subfolders contains a link, a pipe or a device.
     """
-    own = _entries(folder)
-    deeper = (inner for one in own if one.is_dir(follow_symlinks=False) for inner in _entries(one))
-    for entry in (*own, *deeper):
-        if not (entry.is_file(follow_symlinks=False) or entry.is_dir(follow_symlinks=False)):
-            kind = f"a link to {Path(entry.path).readlink()}" if entry.is_symlink() else "a pipe or a device"
-            raise CampaignError.of("campaign.link", where=entry.path, value=kind)
-
-
-def _entries(folder: str | Path | os.DirEntry[str]) -> list[os.DirEntry[str]]:
-    try:
-        with os.scandir(folder) as found:
-            return list(found)
-    except OSError:
-        return []
+    for path in chain(folder.glob("*"), folder.glob("*/*")):  # a link in the folder raises before its content is read
+        if path.is_symlink() or not (path.is_file() or path.is_dir()):
+            kind = f"a link to {path.readlink()}" if path.is_symlink() else "a pipe or a device"
+            raise CampaignError.of("campaign.link", where=path, value=kind)
 
 
 def flush_folder(path: Path) -> None:
@@ -266,8 +257,8 @@ def append_line(path: Path, text: str) -> None:
 # one system call each time.
 
 FOLDER = "control"
-#: Files in ``control/`` with the progress of the campaign; they are not requests.
-LIVE, LIVE_POINTS = "live.json", "live.f4"
+#: File in ``control/`` with the progress of the campaign; it is not a request.
+LIVE = "live.npz"
 #: Requests: pause after the cycle, stop the axis now and pause, resume, end.
 PAUSE, STOP, RESUME, ABORT = "pause", "stop", "resume", "abort"
 REQUESTS = (PAUSE, STOP, RESUME, ABORT)
@@ -338,7 +329,7 @@ class Requests:
             names = sorted(os.listdir(self._folder))  # noqa: PTH208 - one system call, five times a second
         except OSError:
             return []
-        return [self._folder / name for name in names if not name.endswith((PART, ".taken", LIVE, LIVE_POINTS))]
+        return [self._folder / name for name in names if not name.endswith((PART, ".taken", LIVE))]
 
     @staticmethod
     def _take_file(path: Path) -> Request | None:
