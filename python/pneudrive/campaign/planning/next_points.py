@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import product
 from typing import TYPE_CHECKING
 
 from pneudrive.campaign.planning.protocol import Pressures
@@ -36,14 +37,10 @@ def limits_of(fit: FrictionFit, identity: Identity, envelope: Envelope) -> Limit
     slowest = min(SLOWEST_M_S, fastest / 10.0)
     # Pairs of gauge pressures whose force is at most half of the rig's force range.
     top = min(HIGHEST_PA, 1e4 * ((envelope.pressure_pa[1] - identity.ambient_pressure_pa) // 1e4))
-    chambers, pairs = "".join(fit.model.chambers), []
-    if chambers and top > 0.0:
-        levels = [top * k / (LEVELS - 1) for k in range(LEVELS)]
-        pairs = [(a, a) for a in levels]
-        if envelope.separate_pressures:
-            pairs = [(a if "a" in chambers else 0.0, b if "b" in chambers else 0.0) for a in levels for b in levels]
-    highest_n = FORCE_SHARE * envelope.force_n
-    kept = [(a, b) for a, b in pairs if abs(a * identity.area_a_m2 - b * identity.area_b_m2) <= highest_n]
-    gauges = tuple(dict.fromkeys(kept)) or ((0.0, 0.0),)
+    chambers, highest_n = "".join(fit.model.chambers), FORCE_SHARE * envelope.force_n
+    levels = [top * k / (LEVELS - 1) for k in range(LEVELS)] if chambers and top > 0.0 else [0.0]
+    each = [levels if chamber in chambers else [0.0] for chamber in "ab"]
+    pairs = product(*each) if envelope.separate_pressures else zip(levels, levels, strict=True)
+    gauges = tuple((a, b) for a, b in pairs if abs(a * identity.area_a_m2 - b * identity.area_b_m2) <= highest_n)
     settling_s = Pressures().settling_s  # by default
     return Limits((slowest, fastest), gauges, stroke, acceleration, settling_s=settling_s)

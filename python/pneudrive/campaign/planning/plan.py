@@ -15,6 +15,8 @@ from itertools import groupby, product
 from pathlib import Path
 from typing import Any, TypeVar
 
+from rich import filesize
+
 from pneudrive.batching import many_objects
 from pneudrive.campaign.cycle import Cycle
 from pneudrive.campaign.planning import preflight
@@ -213,7 +215,9 @@ def _block(
     points : list of Planned
         Design points in running order.
     """
-    p, old, blank_m_s = plan.protocol, before or {}, plan.protocol.before_block.blank_stroke_m_s
+    p = plan.protocol
+    old = before or {}
+    blank_m_s = plan.protocol.before_block.blank_stroke_m_s
     for name, factor in p.hard.items():
         if old.get(name) != levels[name] or before == levels:
             ask = factor.ask or f"{name}: {{level}}. Confirm when it is in place."
@@ -238,7 +242,9 @@ def _block(
 
 def _preparations(plan: Plan, *, new: bool) -> Iterator[Planned]:
     """Yield run-in, warm-up and sensor checks, in this order, so that zeros are measured on the warm rig."""
-    p, warm_up, checks = plan.protocol, plan.protocol.warm_up, plan.protocol.before_block
+    p = plan.protocol
+    warm_up = plan.protocol.warm_up
+    checks = plan.protocol.before_block
     if warm_up is not None:
         for word, times in (("run-in", warm_up.run_in_cycles if new else 0), ("warm-up", warm_up.cycles)):
             if times:
@@ -276,7 +282,9 @@ def _entry(
     """Return a cycle that is not yet assigned to a block. Its key does not contain the number of the block."""
     pressures = pair.absolute_pa(plan.identity.ambient_pressure_pa)
     cycle = Cycle(name, kind, steps, sampling or plan.protocol.sampling, *pressures, start_m=plan.ends_m[0], **about)
-    at, axis_s, samples = plan.ends_m[0], 0.0, int(bool(steps))
+    at = plan.ends_m[0]
+    axis_s = 0.0
+    samples = int(bool(steps))
     for step in steps:
         if isinstance(step, Hold):
             step_s = step.duration_s
@@ -295,7 +303,9 @@ def _out_and_back(plan: Plan, speed_m_s: float, times: int = 1) -> tuple[Step, .
 
 def _sweep(plan: Plan, pair: Pair, turn: str, speed: float) -> Planned:
     """Return a point of the sweep; the number of its strokes gives the requested time at constant speed."""
-    speeds, direction, (low, high) = plan.protocol.speed, plan.protocol.directions, plan.ends_m
+    speeds = plan.protocol.speed
+    direction = plan.protocol.directions
+    low, high = plan.ends_m
     assert speeds is not None
     cruise = plan.cruise_s(speed)
     strokes = min(max(math.ceil(speeds.settled_time_s / cruise), 1), speeds.most_strokes) if cruise else 1
@@ -342,24 +352,16 @@ def show(plan: Plan) -> str:
     """Return the summary: blocks with their content and time, and the result of the pre-flight check."""
     text = rendered(
         TEMPLATE,
-        {"duration": duration, "size": size, "levels": _range, "pressures": _pressures},
+        {"duration": duration, "levels": _range, "pressures": _pressures},
         plan=plan,
         p=plan.protocol,
         blocks=_blocks(plan),
         kinds=Counter(planned.cycle.kind for planned in plan.planned),
-        bytes=size_of(plan.planned),
+        size=filesize.decimal(size_of(plan.planned)),
         bytes_per_sample=preflight.BYTES_PER_SAMPLE,
         margins=preflight.margins(plan),
     )
     return text.rstrip("\n")
-
-
-def size(count: float) -> str:
-    """Return a number of bytes as text."""
-    for unit, factor in (("GB", 1e9), ("MB", 1e6)):
-        if count >= factor:
-            return f"{count / factor:.3g} {unit}"
-    return f"{count / 1e3:.3g} kB"
 
 
 def _blocks(plan: Plan) -> str:
@@ -373,7 +375,7 @@ def _blocks(plan: Plan) -> str:
         counts = [cells // (1 if block else plan.protocol.order.replicates), len(group), strokes]
         set_up = ", ".join(f"{name} {level}" for name, level in levels.items()) or "-"
         time = f"{minutes // 60}:{minutes % 60:02d}"
-        rows.append([str(block or "all"), set_up, *map(str, counts), time, size(size_of(group))])
+        rows.append([str(block or "all"), set_up, *map(str, counts), time, filesize.decimal(size_of(group))])
     return aligned(rows if len(groups) > 1 else rows[:2], right_from=2, indent="")
 
 

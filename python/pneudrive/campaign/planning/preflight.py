@@ -10,7 +10,7 @@ from collections import Counter
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import chain, zip_longest
+from itertools import zip_longest
 from typing import TYPE_CHECKING, Any
 
 from pneudrive.campaign.cycle import Cycle
@@ -26,9 +26,9 @@ if TYPE_CHECKING:
 
 
 #: Bytes per sample in a file of `write_cycle`: 15 (long stops) to 21 (fast sweeps) on simulated rigs.
-BYTES_PER_SAMPLE = 20.0
+BYTES_PER_SAMPLE = 20
 #: Bytes of the header and the Parquet metadata of a cycle's file (measured).
-BYTES_PER_CYCLE = 5000.0
+BYTES_PER_CYCLE = 5000
 
 
 @dataclass(frozen=True)
@@ -131,7 +131,7 @@ class Plan(Shown):
         return sum(planned.time_s for planned in self.planned if planned.cycle.key not in done)
 
 
-def size_of(plan: Iterable[Planned]) -> float:
+def size_of(plan: Iterable[Planned]) -> int:
     """Estimate the size on disk in bytes, by `BYTES_PER_SAMPLE`. An operator's step also writes a file."""
     return sum(BYTES_PER_SAMPLE * planned.samples + BYTES_PER_CYCLE for planned in plan)
 
@@ -166,21 +166,21 @@ def check(plan: Plan) -> tuple[str, ...]:
             rule=f"the rig measures only at {_celsius(plan.envelope.temperature_k)}",
             remedy="Change [conditions] temperature.",
         )
-    broken = [(cycles, found) for cycles in _alike(plan) if (found := list(violations(cycles[0], plan)))]
-    if not broken:
-        return cautions(plan)
     first: dict[str, tuple[str, dict[str, Any]]] = {}  # of each limit: the first cycle that violates it
-    counts: Counter[str] = Counter()
-    for cycles, found in broken:
+    counts, count = Counter[str](), 0
+    for cycles in _alike(plan):
+        found = list(violations(cycles[0], plan))
         for limit, values in found:
             first.setdefault(limit, (cycles[0].key, values))
-        counts.update({limit: len(cycles) for limit, _ in found})
+        counts.update(dict.fromkeys((limit for limit, _ in found), len(cycles)))
+        count += len(cycles) if found else 0
+    if not first:
+        return cautions(plan)
     lines, remedies = [], []
     for limit, (key, values) in list(first.items())[:SHOWN]:
         text, remedy = (text.format(**values) for text in _TEXTS["limits"][limit].values())
         lines.append(f"{limit}: cycle {key}: {text} ({_cycles(counts[limit])})")
         remedies.append(remedy)
-    count = sum(len(cycles) for cycles, _ in broken)
     raise ProtocolError(
         f'the rig "{plan.identity.name}" cannot run this protocol:  '
         f"{count} of {_cycles(len(plan.cycles))} {'breaks' if count == 1 else 'break'} its limits",
@@ -264,12 +264,16 @@ def check_levels(protocol: Protocol, rig: Rig) -> None:
 
 
 def violations(cycle: Cycle, plan: Plan) -> Iterator[Finding]:
-    """Return the limits that one cycle violates."""
-    return chain(_motion(cycle, plan), _pressures(cycle, plan), _force(cycle, plan))
+    """Yield the limits that one cycle violates."""
+    yield from _motion(cycle, plan)
+    yield from _pressures(cycle, plan)
+    yield from _force(cycle, plan)
 
 
 def _motion(cycle: Cycle, plan: Plan) -> Iterator[Finding]:
-    (low, high), top_m_s, top_m_s2 = plan.allowed.position_m, plan.allowed.speed_m_s, plan.allowed.acceleration_m_s2
+    low, high = plan.allowed.position_m
+    top_m_s = plan.allowed.speed_m_s
+    top_m_s2 = plan.allowed.acceleration_m_s2
     moves = list(_moves(cycle))
     for distance, step, _ in moves:
         if not low - ROUNDING <= step.to_m <= high + ROUNDING:
@@ -364,7 +368,9 @@ def cautions(plan: Plan) -> tuple[str, ...]:
 
 def _of_samples(plan: Plan) -> Iterator[Finding]:
     """Yield the effects that the samples and strokes of a plan cannot show."""
-    protocol, samples, speeds = plan.protocol, plan.protocol.samples, plan.protocol.speed
+    protocol = plan.protocol
+    samples = plan.protocol.samples
+    speeds = plan.protocol.speed
     burst = samples.burst_rate_hz if samples.burst_after_s > 0.0 else 0.0
     if burst < BURST_RATE_HZ:
         yield "bursts", {"rate": burst, "needed": BURST_RATE_HZ}

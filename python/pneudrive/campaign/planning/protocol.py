@@ -100,10 +100,7 @@ def _position(given: object) -> AxisPosition:
 
 def _positions(given: object) -> tuple[AxisPosition, AxisPosition]:
     """Read a range of positions, ``"10 mm .. 290 mm"`` or ``"5 % .. 95 %"``."""
-    ends = given.split("..") if isinstance(given, str) else []
-    if len(ends) != 2:
-        raise DescriptionError(f"{given!r} is not a range", remedy='Write "10 mm .. 290 mm" or "5 % .. 95 %".')
-    low, high = (_position(end.strip()) for end in ends)
+    low, high = map(_position, units.split_range(given, '10 mm .. 290 mm" or "5 % .. 95 %'))
     if low.relative == high.relative and not low.value < high.value:
         raise DescriptionError(f'range "{given}" is empty', rule="the first end must lie below the second")
     return low, high
@@ -227,15 +224,14 @@ def spaced(low: float, high: float, count: int, spacing: str, mark: Quantity) ->
         raise DescriptionError("a logarithmic range must start above zero", remedy='Write spacing = "linear".')
     unit = mark.written or mark.si_unit
     factor, offset = units.converter(unit, mark.si_unit)
-
-    def level(fraction: float) -> float:
-        if spacing == "log":
-            value = math.exp((1.0 - fraction) * math.log(low) + fraction * math.log(high))
-        else:
-            value = (1.0 - fraction) * low + fraction * high
-        return units.parse(f"{(value - offset) / factor:.{DIGITS}g} {unit}", mark.si_unit)
-
-    out = (low, *(level(index / (count - 1)) for index in range(1, count - 1)), high)
+    begin, end = (math.log(low), math.log(high)) if spacing == "log" else (low, high)
+    inner = []
+    for index in range(1, count - 1):
+        fraction = index / (count - 1)
+        value = (1.0 - fraction) * begin + fraction * end
+        value = math.exp(value) if spacing == "log" else value
+        inner.append(units.parse(f"{(value - offset) / factor:.{DIGITS}g} {unit}", mark.si_unit))
+    out = (low, *inner, high)
     if any(not a < b for a, b in pairwise(out)):
         what = f"{count} levels do not differ within {DIGITS} significant digits"
         raise DescriptionError(what, remedy="Lower the count.")
@@ -249,7 +245,6 @@ Speed = Annotated[float, SPEED]
 Duration = Annotated[float, Quantity("s", "s", LASTS)]
 DurationOrZero = Annotated[float, Quantity("s", "s", MAY_LAST)]
 Minutes = Annotated[float, Quantity("s", "min", LASTS)]
-Rate = Annotated[float, Quantity("1/s", "Hz", marks.NOT_NEGATIVE)]
 Count = Annotated[int, Whole()]
 CountOrNone = Annotated[int, Whole(at_least=0)]
 MaybeSpeed = Annotated[float | None, SPEED]
@@ -397,7 +392,7 @@ class Stops(ProtocolTable):
 
 
 class HardFactor(ProtocolTable):
-    """A factor that is changed by hand, between blocks."""
+    """Mounting, seal or drive, changed by hand between blocks. A run-in follows each change of seal or drive."""
 
     levels: Annotated[list[str], Field(min_length=1)]
     """names of the levels"""
@@ -408,30 +403,11 @@ class HardFactor(ProtocolTable):
 
     @model_validator(mode="after")
     def _distinct(self) -> HardFactor:
-        within("count", len(self.levels), f"{self.table_name}.levels has {len(self.levels)} entries", DescriptionError)
+        within("count", len(self.levels), f"levels has {len(self.levels)} entries", DescriptionError)
         for index, level in enumerate(self.levels):
             if not level.strip() or level in self.levels[:index]:
-                key = f"{self.table_name}.levels"
-                raise wrong(key, f"{key}: {level!r} is empty or occurs twice", rule="levels must differ")
+                raise wrong("levels", f"levels: {level!r} is empty or occurs twice", rule="levels must differ")
         return self
-
-
-class Mounting(HardFactor):
-    """Mounting of the drive on the rig."""
-
-    table_name = "mounting"
-
-
-class Seal(HardFactor):
-    """Seals in the drive; a run-in follows each change."""
-
-    table_name = "seal"
-
-
-class DriveUnderTest(HardFactor):
-    """Drive on the rig; a run-in follows each change."""
-
-    table_name = "drive"
 
 
 class Order(ProtocolTable):
@@ -465,7 +441,7 @@ class SamplingTable(ProtocolTable):
     table_name = "sampling"
     samples_per_stroke: Annotated[int, Whole(at_least=2, bound="samples")] = 5000
     """number of samples, evenly spaced in time over each stroke; the paper has about 5000 per cycle [bracha]"""
-    burst_rate_hz: Rate = 5000.0
+    burst_rate_hz: Annotated[float, Quantity("1/s", "Hz", marks.NOT_NEGATIVE)] = 5000.0
     """lowest sampling rate around each reversal and restart; 0 Hz: no bursts"""
     burst_before_s: DurationOrZero = 0.05
     """duration of a burst before the end of a move"""
@@ -595,9 +571,9 @@ class Protocol(ProtocolTable):
     speed: Speeds | None = None
     pressure: Pressures = Pressures()
     stop: Stops | None = None
-    mounting: Mounting | None = None
-    seal: Seal | None = None
-    drive: DriveUnderTest | None = None
+    mounting: HardFactor | None = None
+    seal: HardFactor | None = None
+    drive: HardFactor | None = None
     order: Order = Order()
     warm_up: WarmUp | None = None
     samples: SamplingTable = Field(default=SamplingTable(), alias="sampling")

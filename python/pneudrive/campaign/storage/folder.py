@@ -250,18 +250,15 @@ def recording_of(file: CycleFile, identity: Identity, samples: Samples) -> tuple
     flags = {kind: int(number) for kind, number in file.head.flags.items() if number}
     # Samples in the order of time. Repeated samples are dropped. If the clock jumped back, only the longest stretch
     # without a jump is kept.
-    finite = np.isfinite(samples.time_s)
-    time = np.where(finite, samples.time_s, -np.inf)
-    good = finite & (time >= np.maximum.accumulate(time))
-    back = np.flatnonzero(finite & ~good)
-    if back.size:
-        order = np.flatnonzero(good)
-        twin = order[np.minimum(np.searchsorted(time[order], time[back]), order.size - 1)]
-        if not ((time[twin] == time[back]) & (samples.force_n[twin] == samples.force_n[back])).all():
-            known = np.flatnonzero(finite)
-            stretches = np.split(known, np.flatnonzero(np.diff(time[known]) < 0) + 1)
+    samples = samples.rows(np.isfinite(samples.time_s))
+    time, force = samples.time_s, samples.force_n
+    good = time >= np.maximum.accumulate(time)
+    if not good.all():
+        twin = np.searchsorted(time[good], time[~good])
+        if np.any((time[good][twin] != time[~good]) | (force[good][twin] != force[~good])):
+            stretches = np.split(np.arange(time.size), np.flatnonzero(np.diff(time) < 0.0) + 1)
             good = np.isin(np.arange(time.size), max(stretches, key=len))
-        flags["time_backwards"] = int(finite.sum() - good.sum())
+        flags["time_backwards"] = int(np.sum(~good))
     # A released axis creeps by single counts: this is not a stuck sensor.
     stands = bool(file.cycle.steps) and not any(isinstance(step, Move) for step in file.cycle.steps)
     channels = {channel: getattr(samples, channel)[good] for channel in CHANNELS[:-1]}
@@ -413,6 +410,7 @@ class Campaign(Shown):
         paths = self.files()
         with many_objects():
             for path, read in zip(paths, read_texts(paths, HEAD, CampaignError), strict=True):
+                where = f"{CYCLES}/{path.name}"
                 try:
                     if isinstance(read, PneudriveError):
                         raise read
@@ -422,9 +420,9 @@ class Campaign(Shown):
                     number, _, key = path.stem.partition("-")
                     head, notes = read_head(text, str(path), int(number) if number.isdigit() else None, key)
                 except CampaignError as error:
-                    problems.append(Problem(f"{CYCLES}/{path.name}", _one_line(error)))
+                    problems.append(Problem(where, _one_line(error)))
                     continue
-                problems += [Problem(f"{CYCLES}/{path.name}", note, lost=False) for note in notes]
+                problems += [Problem(where, note, lost=False) for note in notes]
                 found.append(CycleFile(path, head, is_sealed))
         found.sort(key=lambda file: file.head.index)  # equal indices stay in the order of their names
         unique: dict[str, CycleFile] = {}
