@@ -10,6 +10,7 @@ import subprocess
 import sys
 import tempfile
 import zipfile
+from collections import Counter
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -53,7 +54,7 @@ def exponents(unit: str) -> dict[str, int]:
     >>> exponents("1")
     {}
     """
-    out: dict[str, int] = {}
+    out = Counter[str]()
     above, *below = unit.replace(" ANR", "").split("/")
     for sign, part in ((1, above), *((-1, one) for one in below)):
         for word in part.strip("() ").split():
@@ -63,7 +64,7 @@ def exponents(unit: str) -> dict[str, int]:
             if found is None or found["unit"] not in _KNOWN:
                 raise DescriptionError(f"the unit {unit} cannot be expressed in an FMU")
             for base, power in _KNOWN[found["unit"]].items():
-                out[base] = out.get(base, 0) + sign * power * int(found["power"] or 1)
+                out[base] += sign * power * int(found["power"] or 1)
     return {base: power for base, power in out.items() if power}
 
 

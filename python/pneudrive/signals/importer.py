@@ -120,12 +120,9 @@ def read_binary(
         if part.start >= part.stop:
             raise RecordingError("the channels have no time in common", where=str(path), value=", ".join(names))
     columns |= {name: column for name, column in _numeric(arrays, {}, path).items() if column.size == size}
-    return ForeignTable(
-        rows_of(columns, part),
-        places,
-        {name: opened.metadata.get(UNIT_OF + name, "") for name in columns},
-        unread=[name for name in opened.names if name not in columns],
-    )
+    units = {name: opened.metadata.get(UNIT_OF + name, "") for name in columns}
+    unread = [name for name in opened.names if name not in columns]
+    return ForeignTable(rows_of(columns, part), places, units, {}, [], unread)
 
 
 def names_of(wanted: list[int | str], names: list[str], path: Path) -> dict[int | str, str]:

@@ -80,10 +80,10 @@ class ForeignTable:
 
     columns: dict[str, Array]
     places: dict[int | str, str]
-    units: dict[str, str] = field(default_factory=dict)
-    flags: dict[str, int] = field(default_factory=dict)
-    segments: list[int] = field(default_factory=list)
-    unread: list[str] = field(default_factory=list)
+    units: dict[str, str]
+    flags: dict[str, int]
+    segments: list[int]
+    unread: list[str]
 
 
 def read_bytes(path: Path) -> bytes:
