@@ -16,7 +16,7 @@ import numpy as np
 
 from pneudrive.sizing.checks import Shortage, SizedDrive, rank_of
 from pneudrive.sizing.strokes import NEVER, DriveStrokes, StrokeResults, StrokeRuns, Tuned, cases, is_worth_more
-from pneudrive.sizing.task import NO_FLOW_CONTROL, DriveChoice, PartChoice, SizingTask
+from pneudrive.sizing.task import DriveChoice, PartChoice, SizingTask
 
 if TYPE_CHECKING:
     from pneudrive.arrays import Array, NamedNumbers, Pair
@@ -37,7 +37,7 @@ SPREAD_SLACK, SPREAD_AIR, HARDEST_AIR = 0.4, 0.1, 0.002
 VALVE_SLACK = 0.04
 
 
-@dataclass
+@dataclass(eq=False)
 class TubedCylinder:
     """A cylinder with a tube, and the valves and flow controls that pass the safe bounds.
 
@@ -84,7 +84,7 @@ class TubedCylinder:
         """Return both strokes in the nominal and the fast case, with the widest and earliest opening of all valves."""
         numbers: NamedNumbers = dict(self.valves[0].numbers)
         for valve in self.valves:
-            paths = DriveChoice(self.cylinder, valve, self.tube, NO_FLOW_CONTROL).valve_paths
+            paths = DriveChoice(self.cylinder, valve, self.tube).valve_paths
             for before, path in (("", paths["feed"]), ("exhaust_", paths["vent"])):
                 for key in ("conductance", "critical_pressure_ratio"):
                     numbers[before + key] = max(path[key], numbers.get(before + key, 0.0))
@@ -98,7 +98,7 @@ class TubedCylinder:
             early["time_on"] = early["time_off"] = min(value for key, value in early.items() if key != "travel_share")
         assumed = frozenset().union(*(one.assumed for one in self.valves))
         widest = replace(first, numbers=numbers | early, assumed=assumed)
-        strokes = DriveStrokes(DriveChoice(self.cylinder, widest, self.tube, NO_FLOW_CONTROL), task)
+        strokes = DriveStrokes(DriveChoice(self.cylinder, widest, self.tube), task)
         ones = np.ones((2, 4))
         return [StrokeRuns(strokes, way, cases(task, way)[[0, 2]], ones) for way in (True, False)]
 
@@ -116,7 +116,7 @@ class TubedCylinder:
         if self.late:
             return []
         valves = sorted(self.valves, key=lambda one: (-one.exhaust_conductance, -one.numbers["conductance"], one.name))
-        wide = self._opened(DriveChoice(self.cylinder, valves[0], self.tube, NO_FLOW_CONTROL))
+        wide = self._opened(DriveChoice(self.cylinder, valves[0], self.tube))
         limits = task.outward_s, task.back_s
         made, widest = [], None
         for control in sorted(self.flow_controls, key=lambda one: -one.numbers.get("needle_conductance", 0.0)):

@@ -36,6 +36,8 @@ CONFIDENCE = 0.95
 ROUNDING = 1e-9
 #: Margin of a sample whose stroke does not end.
 NEVER = -1.0
+#: Name of the only limit from below.
+HOLDING = "holding force"
 
 
 class LimitMargin(NamedTuple):
@@ -46,19 +48,22 @@ class LimitMargin(NamedTuple):
     name, unit : str
     limit : float
         Limit in SI, before the margin of the task is subtracted.
-    worst : float
-        Value in SI that 1 % of the samples exceed.
+    values : ndarray, shape (n,)
+        Values in SI.
     margins : ndarray, shape (n,)
         Margin of each sample as a fraction of the limit; below 0 if the sample exceeds the limit.
-    values : ndarray, shape (n,)
     """
 
     name: str
     unit: str
     limit: float
-    worst: float
-    margins: Array
     values: Array
+    margins: Array
+
+    @property
+    def worst(self) -> float:
+        """Value in SI that 1 % of the samples exceed; for a limit from below, that 99 % exceed."""
+        return interval(self.values)[self.name != HOLDING]
 
     @property
     def margin(self) -> float:
@@ -76,32 +81,24 @@ def limits(task: SizingTask, choice: DriveChoice, out: StrokeResults, back: Stro
     out, back : StrokeResults
         Results for the same samples.
     """
-    keep = 1.0 - task.margin
+    keep, energy = 1.0 - task.margin, energy_limit(task, choice)[0]
     found = []
-
-    def most(name: str, unit: str, limit: float | None, values: Array) -> None:
+    for name, unit, limit, values in (
+        ("time out", "s", task.outward_s, out.time),
+        ("time back", "s", task.back_s, back.time),
+        ("end speed out", "m/s", task.end_speed_m_s, out.end_speed),
+        ("energy out", "J", energy, out.energy),
+        ("end speed back", "m/s", task.end_speed_m_s, back.end_speed),
+        ("energy back", "J", energy, back.energy),
+        ("peak pressure", "Pa", peak_limit(task, choice), np.maximum(out.peak_pressure, back.peak_pressure)),
+    ):
         if limit is not None:
-            with np.errstate(invalid="ignore"):
-                margins = np.where(np.isfinite(values), 1.0 - values / (keep * limit), NEVER)
-            found.append(LimitMargin(name, unit, limit, worst(values), margins, values))
-
-    most("time out", "s", task.outward_s, out.time)
-    most("time back", "s", task.back_s, back.time)
-    for way, one in (("out", out), ("back", back)):
-        most(f"end speed {way}", "m/s", task.end_speed_m_s, one.end_speed)
-        most(f"energy {way}", "J", energy_limit(task, choice)[0], one.energy)
-    peak = np.maximum(out.peak_pressure, back.peak_pressure)
-    most("peak pressure", "Pa", peak_limit(task, choice), peak)
-    if task.holding_force_n:
-        held = out.force / task.holding_force_n
-        margins = np.where(np.isfinite(out.time), held * keep - 1.0, NEVER)
-        found.append(LimitMargin("holding force", "N", task.holding_force_n, -worst(-out.force), margins, out.force))
+            margins = np.where(np.isfinite(values), 1.0 - values / (keep * limit), NEVER)
+            found.append(LimitMargin(name, unit, limit, values, margins))
+    if least := task.holding_force_n:
+        margins = np.where(np.isfinite(out.time), out.force / least * keep - 1.0, NEVER)
+        found.append(LimitMargin(HOLDING, "N", least, out.force, margins))
     return found
-
-
-def worst(values: Array) -> float:
-    """Return the value that at most 1 % of the samples exceed."""
-    return float(np.quantile(values, PROBABILITY, method="higher"))
 
 
 def passed(draws: int) -> int:
@@ -110,8 +107,9 @@ def passed(draws: int) -> int:
 
 
 def interval(values: Array) -> Interval:
-    """Return the 1 % and 99 % quantiles over the samples."""
-    return float(np.quantile(values, 1.0 - PROBABILITY, method="lower")), worst(values)
+    """Return the values that 99 % and 1 % of the samples exceed."""
+    lowest = np.quantile(values, 1.0 - PROBABILITY, method="lower")
+    return float(lowest), float(np.quantile(values, PROBABILITY, method="higher"))
 
 
 def is_met(found: list[LimitMargin]) -> Bools:
@@ -252,18 +250,6 @@ class MachineCheck(NamedTuple):
         return Finding(OPEN_CHECK + line, state, f"Remedy: {'; or '.join(self.remedies)}." if self.remedies else "")
 
 
-def buckling_n(cylinder: PartChoice, task: SizingTask) -> float | None:
-    """Return the buckling force (N) of the rod over the safety factor; None for a cylinder without a pushing rod.
-
-    Euler: F = pi^2 E I / (k L)^2 with I = pi d^4/64, L the stroke.
-    """
-    rod = cylinder.numbers.get("rod_diameter", 0.0)
-    if rod == 0.0:
-        return None
-    inertia = math.pi / 64.0 * rod**4
-    return math.pi**2 * STEEL_PA * inertia / (EFFECTIVE[task.guide] * task.stroke_m) ** 2 / BUCKLING_SAFETY
-
-
 def _check(
     name: str,
     value: float,
@@ -283,6 +269,8 @@ def mechanical_checks(cylinder: PartChoice, task: SizingTask, end_speed: float =
     Without a guide, the cylinder carries the weight of the load across its axis. The speed
     in the checks is the larger of `end_speed` (m/s) and the mean speed of the task. The largest force on the rod
     results from the highest supply pressure on the whole piston.
+
+    Buckling, after Euler: F = pi^2 E I / (k L)^2 over the safety factor, with I = pi d^4/64, L the stroke.
     """
     speed, sheet = max(end_speed, task.stroke_m / min(task.outward_s, task.back_s)), "maker's sheet of the cylinder"
     if task.guide == "none" and task.across_n:
@@ -299,11 +287,13 @@ def mechanical_checks(cylinder: PartChoice, task: SizingTask, end_speed: float =
         rule = "usual cylinders and valves allow 10 bar gauge"
         regulator = "a regulator, and the lower supply.pressure behind it"
         yield _check("supply pressure", 1e-5 * gauge, None, "bar gauge", rule, regulator)
-    if (buckles := buckling_n(cylinder, task)) is not None:
+    if rod := cylinder.numbers.get("rod_diameter", 0.0):
         rule = f"Euler with a safety of {BUCKLING_SAFETY:g}, steel, effective length {EFFECTIVE[task.guide]:g} strokes"
+        stiffness = math.pi**2 * STEEL_PA * (math.pi / 64.0 * rod**4)
+        buckles = stiffness / (EFFECTIVE[task.guide] * task.stroke_m) ** 2 / BUCKLING_SAFETY
         push = gauge * math.pi / 4.0 * cylinder.numbers["bore"] ** 2
         if "rod_diameter" in cylinder.assumed and THINNER**4 * buckles < push <= buckles:
-            rule = f"assumed rod of {1e3 * cylinder.numbers['rod_diameter']:g} mm; {rule}"
+            rule = f"assumed rod of {1e3 * rod:g} mm; {rule}"
         yield _check("buckling of the rod", push, buckles, "N", rule, f"rod_diameter {CATALOGUE}")
     if isinstance(cylinder.table["stroke"], str):  # of the task: no stroke of the sheet
         longest = task.max_stroke_m or cylinder.printed_si("max_stroke", "m")
@@ -320,9 +310,8 @@ def machine_checks(choice: DriveChoice, task: SizingTask, drive: SizedDrive | No
 
     Without simulation results (`drive`), the checks of energy and peak pressure do not fail.
     """
-    cylinder, most_energy, peak, end_speed = choice.cylinder, 0.0, 0.0, 0.0
-    if drive is not None:
-        most_energy, peak, end_speed = drive.energy, drive.peak_pressure, drive.end_speed
+    cylinder = choice.cylinder
+    most_energy, peak, end_speed = (drive.energy, drive.peak_pressure, drive.end_speed) if drive else (0.0, 0.0, 0.0)
     found = list(mechanical_checks(cylinder, task, end_speed))
     limit, origin = energy_limit(task, choice)
     absorber = f"impact_energy, from the data sheet of cylinder or shock absorber: {three(most_energy)} J or more"
@@ -388,10 +377,10 @@ def _hanging_load(choice: DriveChoice, task: SizingTask) -> MachineCheck:
 READ = {"Pa": (1e-5, "bar abs")}
 
 
-def read(value: float, unit: str) -> str:
+def read(value: float, unit: str, digits: int = 3) -> str:
     """Return a value in SI as text with its unit. An infinite value means that the stroke does not end."""
     factor, shown = READ.get(unit, (1.0, unit))
-    return f"{factor * value:.3g} {shown}" if value < math.inf else "the stroke does not end"
+    return f"{factor * value:.{digits}g} {shown}" if value < math.inf else "the stroke does not end"
 
 
 #: Ratio of air consumption below which choices rank by margin.
@@ -428,8 +417,6 @@ class SizedDrive:
         Limit -> (value that 1 % of the samples exceed, limit, unit).
     measure : str
         Assumed value that explains most of the margin's variance; empty if nothing is assumed.
-    explains : float
-        Fraction of the variance of the ranked margins that this value explains.
     sizes : tuple of float
         Bore, conductances of the valve and of the fully open needle (0 without a needle), bore of the tubes.
     intervals : dict
@@ -454,7 +441,6 @@ class SizedDrive:
     margins: Mapping[str, float]
     worst: Mapping[str, tuple[Number, Number, str]]
     measure: str
-    explains: float
     sizes: tuple[float, ...]
     intervals: Mapping[str, tuple[Number, Number]] = field(default_factory=dict)
     open_names: tuple[str, ...] = ()
@@ -571,13 +557,11 @@ def simulated(strokes: DriveStrokes, setting: Setting, draws: Array, rtol: float
     shares = explained(draws, binding.margins)
     assumed = strokes.drawn_assumed()
     first = max(assumed, key=lambda name: shares[name], default="")
-    air = out.air + back.air
+    air, worse = out.air + back.air, ("end_speed", "energy", "peak_pressure")
     figures = {one.name: one.values for one in found} | {
         "time_out": out.time,
         "time_back": back.time,
-        "end_speed": np.maximum(out.end_speed, back.end_speed),
-        "energy": np.maximum(out.energy, back.energy),
-        "peak_pressure": np.maximum(out.peak_pressure, back.peak_pressure),
+        **{name: np.maximum(getattr(out, name), getattr(back, name)) for name in worse},
         "air": air,
         "load_ratio_out": strokes.load_ratio(True, draws),
         "load_ratio_back": strokes.load_ratio(False, draws),
@@ -589,15 +573,13 @@ def simulated(strokes: DriveStrokes, setting: Setting, draws: Array, rtol: float
         draws=len(draws),
         met=met,
         probability_bound=probability_bound(met, len(draws)),
-        **{name: intervals[name][1] for name in ("time_out", "time_back", "end_speed", "energy", "peak_pressure")},
+        **{name: intervals[name][1] for name in ("time_out", "time_back", *worse)},
         air=float(air.mean()),
         margins={one.name: one.margin for one in found},
         worst={one.name: (one.worst, one.limit, one.unit) for one in found},
         measure=f"{first} of {choice.parts[assumed[first]]}" if first else "",
-        explains=shares[first] if first else 0.0,
         sizes=choice.sizes,
         intervals=intervals,
-        open_names=(),
     )
     samples = np.column_stack([*(one.margins for one in found), air])
     return replace(drive, open_names=open_names(choice, task, drive)), samples

@@ -9,15 +9,13 @@ import math
 from itertools import product
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from pneudrive import units
 from pneudrive.constants import AIR_GAS_CONSTANT_J_KG_K, ANR_DENSITY_KG_M3, ANR_TEMPERATURE_K
 from pneudrive.describe.tables.parts import Gas
 from pneudrive.simulation.bench_circuit import VACUUM, steady_flow
 from pneudrive.sizing.candidate import TubedCylinder
 from pneudrive.sizing.checks import Shortage, mechanical_checks, open_names
-from pneudrive.sizing.task import NO_FLOW_CONTROL, SAME_STROKE, SLOTS, DriveChoice, PartChoice, choices, grouped
+from pneudrive.sizing.task import SAME_STROKE, SLOTS, DriveChoice, PartChoice, choices, grouped
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -29,6 +27,7 @@ if TYPE_CHECKING:
 #: Largest factor by which the gas ahead of a piston is compressed over a whole stroke (assumed): 1.5 allows for drives
 #: faster than their choked speed.
 COMPRESSED = 1.5
+WAYS = "outwards", "back"
 
 
 class SafeBounds:
@@ -59,8 +58,8 @@ class SafeBounds:
         self.gauge = task.supply_pa + task.supply.spread_pa - ambient
         weight = task.static_force_n - task.external_force_n
         light, heavy = 1.0 - task.spread.mass, 1.0 + task.spread.mass
-        out, back = (min(sign * weight * one for one in (light, heavy)) for sign in (1.0, -1.0))
-        self.against = {True: out + task.external_force_n, False: back - task.external_force_n}
+        forces = ((weight, task.external_force_n), (-weight, -task.external_force_n))
+        self.against = [min(light * own, heavy * own) + external for own, external in forces]  # out, back
 
     def part(self, part: PartChoice) -> Shortage | None:
         """Compare the task with the limits on the data sheet of a part."""
@@ -75,17 +74,13 @@ class SafeBounds:
     def cylinder(self, part: PartChoice) -> Shortage | None:
         """Return the reason why a cylinder cannot do the task with any valve, tube and flow control."""
         task, gauge, stroke = self.task, self.gauge, part.numbers["stroke"]
-        areas = DriveChoice(part, NO_FLOW_CONTROL, NO_FLOW_CONTROL, NO_FLOW_CONTROL).areas_m2
+        areas = DriveChoice(part).areas_m2
         if abs(stroke - task.stroke_m) > SAME_STROKE * task.stroke_m:
             return Shortage("stroke", 0.0, f"the stroke of the part is {1e3 * stroke:g} mm")
         least = task.spread.friction[0] * part.numbers["friction.parameters.coulomb"]
-        for outward, area in zip((True, False), areas, strict=True):
-            most = gauge * area
-            needed = self.against[outward] + least
-            if outward:
-                needed = max(needed, self.against[True] + task.holding_force_n)
-            if most < needed:
-                way = "outwards" if outward else "back"
+        held = max(least, task.holding_force_n), least
+        for way, against, more, area in zip(WAYS, self.against, held, areas, strict=True):
+            if (most := gauge * area) < (needed := against + more):
                 return Shortage("force", max(most, 0.0) / needed, f"{way}: {most:.0f} N at most, {needed:.0f} N needed")
         if (shortage := self.part(part)) is not None:
             return shortage
@@ -99,7 +94,7 @@ class SafeBounds:
         # Time of a stroke under constant full force, without friction.
         piston = part.numbers["moving_mass"] * (1.0 - task.spread.assumed * ("moving_mass" in part.assumed))
         mass = piston + task.mass_kg * (1.0 - task.spread.mass)
-        forces = (gauge * area - self.against[outward] for outward, area in zip((True, False), areas, strict=True))
+        forces = (gauge * area - against for against, area in zip(self.against, areas, strict=True))
         return self._late(math.sqrt(2.0 * task.stroke_m * mass / f) if f > 0.0 else math.inf for f in forces)
 
     def fits(self, choice: DriveChoice) -> Shortage | None:
@@ -123,8 +118,8 @@ class SafeBounds:
         hot = self.task.temperatures_k[1]
         speed = min(sizes) * wide * ANR_DENSITY_KG_M3 * AIR_GAS_CONSTANT_J_KG_K * math.sqrt(ANR_TEMPERATURE_K * hot)
         times = []
-        for outward, end, area in zip((True, False), "ba", choice.areas_m2[::-1], strict=True):
-            driven = max(-self.against[outward], 0.0)  # a load that pulls compresses the gas as well
+        for against, end, area in zip(self.against, "ba", choice.areas_m2[::-1], strict=True):
+            driven = max(-against, 0.0)  # a load that pulls compresses the gas as well
             compressed = COMPRESSED + driven / (self.low * area)
             kept = (compressed - 1.0) * (1.0 + spread.assumed) * _dead(choice, end)
             times.append(max(area * self.task.stroke_m - kept, 0.0) / (compressed * speed))
@@ -132,8 +127,7 @@ class SafeBounds:
 
     def _late(self, times: Iterable[float]) -> Shortage | None:
         """Compare the least times of the strokes out and back with the task."""
-        limits = ("outwards", self.task.outward_s), ("back", self.task.back_s)
-        for (way, limit), least in zip(limits, times, strict=True):
+        for way, limit, least in zip(WAYS, (self.task.outward_s, self.task.back_s), times, strict=True):
             if least > limit:
                 return Shortage("time", limit / least, f"{way}: {least:.3g} s at least, {limit:.3g} s allowed")
         return None
@@ -143,7 +137,7 @@ class SafeBounds:
 FARTHEST, TRIED, HALVINGS = 100.0, 48, 8
 
 
-def nearest_possible(task: SizingTask, found: Parts, bounds: SafeBounds) -> list[str]:
+def nearest_possible(task: SizingTask, found: Parts, bounds: SafeBounds) -> tuple[str, ...]:
     """Return as text, for each quantity of the task, its nearest possible value if only this quantity is changed.
 
     With this value, a choice passes the safe bounds. A smaller change cannot suffice; spreads may need a larger one.
@@ -175,7 +169,7 @@ def nearest_possible(task: SizingTask, found: Parts, bounds: SafeBounds) -> list
             continue
         word = "at least" if farthest > 1.0 else "at most"
         said.append(f"{name}: {word} {value * factor:.3g} {unit} (asked: {value:.3g} {unit})")
-    return said
+    return tuple(said)
 
 
 def _nearest_factor(is_possible: Callable[[float], bool], farthest: float) -> float | None:
@@ -212,7 +206,7 @@ def _is_possible(task: SizingTask, change: Keyed, found: Parts, bounds: SafeBoun
 
 def air_estimate_kg(cylinder: PartChoice, tube: PartChoice, task: SizingTask) -> float:
     """Return the air (kg) of a cycle in which both sides fill completely."""
-    choice = DriveChoice(cylinder, NO_FLOW_CONTROL, tube, NO_FLOW_CONTROL)
+    choice = DriveChoice(cylinder, tube=tube)
     volume = sum(choice.areas_m2) * task.stroke_m + _dead(choice, "a") + _dead(choice, "b")
     gauge = task.supply_pa - task.ambient.pressure_pa
     return gauge * volume / (AIR_GAS_CONSTANT_J_KG_K * task.ambient.temperature_k)
@@ -242,20 +236,19 @@ class Pruning:
         self.dropped: list[Shortage] = []
         self.found = found = choices(task)
         self.bounds = bounds = SafeBounds(task, found["tube"])
-        self.enumerated = int(np.prod([len(found[slot]) for slot in SLOTS]))
+        self.enumerated = math.prod(len(found[slot]) for slot in SLOTS)
         kept: Parts = {}
         for slot in SLOTS:
             lacks = {one.name: bounds.cylinder(one) if slot == "cylinder" else bounds.part(one) for one in found[slot]}
             kept[slot] = grouped([one for one in found[slot] if lacks[one.name] is None])
             for name, shortage in lacks.items():
                 if shortage is not None:
-                    others = [len(found[other]) for other in SLOTS if other != slot]
-                    self._drop({slot: name}, int(np.prod(others)), shortage)
+                    self._drop({slot: name}, self.enumerated // len(found[slot]), shortage)
         for cylinder, tube in product(kept["cylinder"], kept["tube"]):
             # Leave out valves and flow controls that do not fit, or through which the gas cannot leave in time.
             valves, controls = kept["valve"], kept["flow_control"]
-            slow = {one.name: bounds.fits(DriveChoice(cylinder, one, tube, NO_FLOW_CONTROL)) for one in valves}
-            slow |= {one.name: bounds.fits(DriveChoice(cylinder, NO_FLOW_CONTROL, tube, one)) for one in controls}
+            slow = {one.name: bounds.fits(DriveChoice(cylinder, one, tube)) for one in valves}
+            slow |= {one.name: bounds.fits(DriveChoice(cylinder, tube=tube, flow_control=one)) for one in controls}
             wide, open_ = ([one for one in every if slow[one.name] is None] for every in (valves, controls))
             for slot, every, others in (("valve", valves, len(controls)), ("flow_control", controls, len(wide))):
                 for one in every:
@@ -263,7 +256,7 @@ class Pruning:
                         self._drop({"cylinder": cylinder.name, "tube": tube.name, slot: one.name}, others, shortage)
             if wide and open_:
                 fill = air_estimate_kg(cylinder, tube, task)
-                left = min(len(open_names(DriveChoice(cylinder, valve, tube, NO_FLOW_CONTROL), task)) for valve in wide)
+                left = min(len(open_names(DriveChoice(cylinder, valve, tube), task)) for valve in wide)
                 self.pairs.append(TubedCylinder(cylinder, tube, wide, open_, fill, bounds.tubes[tube.name], left))
         self.pairs.sort(key=lambda one: (one.open_checks, one.fill, one.cylinder.name, one.tube.name))
 

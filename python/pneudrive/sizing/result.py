@@ -6,6 +6,7 @@ import hashlib
 import json
 import math
 import os
+import re
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
@@ -25,7 +26,7 @@ from pneudrive.files.writing import NO_FOLLOW, make_result_folder, open_to_appen
 from pneudrive.lazy_names import upper
 from pneudrive.numbers import plain as three
 from pneudrive.simulation.trajectory import write_whole
-from pneudrive.sizing.checks import READ, MachineCheck, Provisional, Shortage, SizedDrive, simulated
+from pneudrive.sizing.checks import MachineCheck, Provisional, Shortage, SizedDrive, read, simulated
 from pneudrive.sizing.strokes import DriveStrokes, Setting, Tuned, cycle_s, tune
 from pneudrive.sizing.task import SLOTS, WITHOUT, DriveChoice, SizingTask, choices
 from pneudrive.views import Finding, ShownValue, View, Viewed
@@ -62,21 +63,18 @@ def maker_type(name: str) -> str:
     >>> maker_type("festo-gr-qs-8")
     'Festo GR-QS-8'
     """
-    known = entries()
-    if name not in known:
+    if name not in entries():
         return name
-    words = known[name].title.split()
-    last = next((index for index, word in enumerate(words) if any(map(str.isdigit, word))), len(words) - 1)
-    return " ".join(words[: last + 1]).rstrip(",")
+    title = entries()[name].title
+    found = re.match(r"\D*\d\S*", title)
+    return (found[0] if found else title).rstrip(",")
 
 
 def in_words(parts: Mapping[str, str]) -> str:
     """Return the parts of a drive, in words."""
-    words = {"valve": "valve", "tube": "tube", "flow_control": "flow control"}
     titles = {slot: maker_type(name) for slot, name in parts.items() if name not in (WITHOUT, "*")}
-    return f"{titles['cylinder']} with " + ", ".join(
-        f"{words[slot]} {titles[slot]}" for slot in words if slot in titles
-    )
+    cylinder = titles.pop("cylinder")
+    return f"{cylinder} with " + ", ".join(f"{slot.replace('_', ' ')} {title}" for slot, title in titles.items())
 
 
 def values_of(drive: SizedDrive, place: int) -> list[ShownValue]:
@@ -429,13 +427,12 @@ def nearest_miss(
 
 
 def _gives(name: str, limit: float, value: float, unit: str, source: str) -> str:
-    factor, read = READ.get(unit, (1.0, unit))
     if not math.isfinite(value):
-        return f"The limit of {name} is {factor * limit:.3g} {read}; the stroke does not end within the run."
+        return f"The limit of {name} is {read(limit, unit)}; the stroke does not end within the run."
     # As many digits as distinguish the two values.
     digits = next((n for n in range(3, 17) if f"{limit:.{n}g}" != f"{value:.{n}g}"), 3)
     return (
-        f"The limit of {name} is {factor * limit:.{digits}g} {read}; {source} {factor * value:.{digits}g} {read}: "
+        f"The limit of {name} is {read(limit, unit, digits)}; {source} {read(value, unit, digits)}: "
         "relax it to this value, or change supply pressure, tubes or catalogue."
     )
 
@@ -522,7 +519,7 @@ class SizingFolder:
 
     def __init__(self, folder: Path, task: SizingTask, draws: tuple[int, int]) -> None:
         self.folder = folder
-        self._stages: dict[tuple[str, int], tuple[str, Any]] = {}
+        self._stages: dict[tuple[str, int], Any] = {}
         self._file: int | None = None
         known = (one for one in entries().values() if not one.is_drive)
         parts = sorted(f"{one.name} {one.kind} {one.values} {one.printed}" for one in known)
@@ -546,8 +543,8 @@ class SizingFolder:
                 self.close()
                 raise CommandError.of("sizing.other_task", where=str(path), folder=folder, differ=", ".join(differ))
             self._stages = read_stages(folder / LINES)
-            if self._stages:
-                write_whole(folder / LINES, "".join(f"{line}\n" for line, _ in self._stages.values()))
+            if (folder / LINES).is_file():
+                self._append("")  # ends a line that is incomplete
         elif folder.is_dir() and any(one.name != LOCK for one in folder.iterdir()):
             raise CommandError(f"{folder} is not empty and holds no sizing", remedy="Choose a new folder.")
         else:
@@ -572,14 +569,16 @@ class SizingFolder:
 
     def stored(self, name: str, draws: int = 0) -> Any:  # noqa: ANN401 - SizedDrive, or Tuned for 0 draws
         """Return the stored drive of a choice for a number of samples, or its tuned settings; None if not stored."""
-        return self._stages.get((name, draws), ("", None))[1]
+        return self._stages.get((name, draws))
 
     def store(self, name: str, stage: SizedDrive | Tuned) -> None:
         """Store a simulated drive, or the tuned settings of a choice."""
-        line = asdict(stage) if isinstance(stage, SizedDrive) else {"name": name, **stage._asdict()}
+        self._append(json.dumps(asdict(stage) if isinstance(stage, SizedDrive) else {"name": name, **stage._asdict()}))
+
+    def _append(self, line: str) -> None:
         try:
             with open_to_append(self.folder / LINES) as file:
-                file.write(json.dumps(line) + "\n")
+                file.write(line + "\n")
         except OSError as error:
             raise CommandError(f"{self.folder / LINES} cannot be written: {error.strerror}") from None
 
@@ -588,28 +587,25 @@ class SizingFolder:
         write_whole(self.folder / PROVISIONAL, sentence + "\n")
 
 
-def read_stages(path: Path) -> dict[tuple[str, int], tuple[str, Any]]:
-    """Return the finished stages of choices: name and number of samples -> line, and drive (`Tuned` for 0 samples).
+def read_stages(path: Path) -> dict[tuple[str, int], Any]:
+    """Return the finished stages of choices: name and number of samples -> drive, or `Tuned` for 0 samples.
 
     An incomplete line is left out: the search was killed while writing it, or is still writing it.
     """
-    stages: dict[tuple[str, int], tuple[str, Any]] = {}
+    stages: dict[tuple[str, int], Any] = {}
     for line in read_text(path, CommandError).splitlines() if path.is_file() else ():
         with suppress(ValueError, KeyError, TypeError):
             content: Plain = json.loads(line)
-            if "short" not in content:
-                drive: SizedDrive = _reader(SizedDrive).validate_python(content)
-                stages[drive.name, drive.draws] = line, drive
-                continue
-            known = {key: content[key] for key in Tuned._fields if key in content}
-            stages[content["name"], 0] = line, _reader(Tuned).validate_python(known)
+            if "short" in content:
+                known = {key: content[key] for key in Tuned._fields if key in content}
+                stages[content["name"], 0] = _reader(Tuned).validate_python(known)
+            else:
+                drive = _reader(SizedDrive).validate_python(content)
+                stages[drive.name, drive.draws] = drive
     return stages
 
 
 def read_choices(path: Path) -> list[SizedDrive]:
     """Return the simulated drives, each with its largest number of samples."""
-    drives: dict[str, SizedDrive] = {}
-    for (name, draws), (_, drive) in read_stages(path).items():
-        if draws and (name not in drives or draws >= drives[name].draws):
-            drives[name] = drive
-    return list(drives.values())
+    stages = sorted(read_stages(path).items(), key=lambda stage: stage[0][1])
+    return list({name: drive for (name, draws), drive in stages if draws}.values())

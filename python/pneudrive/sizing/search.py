@@ -122,7 +122,7 @@ def size(
         task = SizingTask.load(task) if isinstance(task, str | Path) else SizingTask.model_validate(task)
     asked = draws, draws_best
     with nullcontext() if out is None else closing(SizingFolder(Path(out), task, asked)) as folder:
-        return Search(task, most, asked, Watch(progress, cancel), folder).result(provisional)
+        return Search(task, most, asked, Watch(progress, cancel), folder).result(provisional or (lambda _: None))
 
 
 class Search:
@@ -170,7 +170,7 @@ class Search:
         """Candidates that may still do the task."""
         return [one for one in self.candidates if not one.lost]
 
-    def result(self, tell: Callable[[SizingResult], None] | None) -> SizingResult:
+    def result(self, tell: Callable[[SizingResult], None]) -> SizingResult:
         """Run the search and return its result. `tell` receives the provisional rankings."""
         interrupted = complete = False
         try:
@@ -191,8 +191,8 @@ class Search:
 
     def _made(self, complete: bool, interrupted: bool) -> SizingResult:
         simulated = [one.drive for one in self.candidates if one.drive is not None]
-        last = [one.drive for one in self.left if one.draws >= self.draws[-2]]
-        ranked = sorted((one for one in last if one is not None and one.is_feasible), key=lambda drive: drive.rank)
+        last = [one.drive for one in self.left if one.drive is not None and one.draws >= self.draws[-2]]
+        ranked = sorted((one for one in last if one.is_feasible), key=lambda drive: drive.rank)
         counts = Counter[str]()
         for one in self.dropped:
             counts[one.limit] += one.choices
@@ -203,9 +203,7 @@ class Search:
             probed = self.dropped[len(self.pruning.dropped) :]  # these keep the safe bounds
             miss = nearest_miss(self.task, simulated, short, probed or self.dropped)
             if not left and not probed:
-                miss = replace(
-                    miss, possible=tuple(nearest_possible(self.task, self.pruning.found, self.pruning.bounds))
-                )
+                miss = replace(miss, possible=nearest_possible(self.task, self.pruning.found, self.pruning.bounds))
         more = f"--max-candidates {2 * self.most} (in Python: most={2 * self.most})"
         note = f"The search ended after {self.most} tuned choices; other choices may rank before these: {more}."
         notes = () if complete else (note,)
@@ -247,10 +245,9 @@ class Search:
         for pair, out, back in zip(pairs, found[::2], found[1::2], strict=True):
             self.candidates += pair.take(self.task, out, back)
             self.dropped += [pair.late] if pair.late else []
-        gone = set(map(id, pairs))
-        self.unseen = [one for one in self.unseen if id(one) not in gone]
+        self.unseen = [one for one in self.unseen if one not in pairs]
 
-    def _first_ranking(self, tell: Callable[[SizingResult], None] | None) -> None:
+    def _first_ranking(self, tell: Callable[[SizingResult], None]) -> None:
         """Rank cylinders by nominal runs, and report the ranking each time its first choice changes."""
         waiting: dict[str, list[TubedCylinder]] = {}
         for pair in self.unseen:
@@ -279,18 +276,14 @@ class Search:
                 )
                 if self.provisional[:1] != before:
                     made = self._made(False, False)
-                    if tell is not None:
-                        tell(made)
+                    tell(made)
                     if self.folder is not None:
                         self.folder.tell(made.answer)
 
     def _promise(self, one: SizingCandidate) -> tuple[bool, Rank]:
         """Return the key that sorts the choices for simulation, with an estimate before the first run."""
-        if one.hardest is not None:
-            air = one.hardest[0]
-        else:
-            known = one.drive or one.settings
-            air = known.air if known else 0.0
+        known = one.drive or one.settings
+        air = one.hardest[0] if one.hardest is not None else known.air if known else 0.0
         margin = one.known
         if margin is None:
             of_lead = ENOUGH if one.lead is None or one.lead.known is None else one.lead.known
@@ -306,8 +299,8 @@ class Search:
                 self.of_cylinder[name] = max(known, self.of_cylinder.get(name, known))
 
     def _best(self) -> SizedDrive | None:
-        final = (one for one in self.left if one.draws >= self.final)
-        return min((one.drive for one in final if one.drive is not None), key=lambda drive: drive.rank, default=None)
+        final = [one.drive for one in self.left if one.drive is not None and one.draws >= self.final]
+        return min(final, key=lambda drive: drive.rank, default=None)
 
     def _open(self) -> tuple[list[TubedCylinder], list[SizingCandidate]]:
         """Return the pairs and candidates that may still rank above the best drive.
@@ -382,12 +375,11 @@ class Search:
         rough = [one for one in every if one.settings is not None and not one.is_tuned]
         self._tune([one for one in every if one.settings is None])
         # Tuned settings in the folder are used; others are refined, up to the largest number of tuned choices.
-        stored = {one: None if self.folder is None else self.folder.stored(one.choice.name) for one in rough}
-        for one, settings in stored.items():
-            if settings is not None:
+        for one in rough if self.folder is not None else ():
+            if (settings := self.folder.stored(one.choice.name)) is not None:
                 one.take_settings(settings, is_tuned=True)
-        self.tuned += sum(settings is not None for settings in stored.values())
-        left = [one for one, settings in stored.items() if settings is None][: max(self.most - self.tuned, 0)]
+                self.tuned += 1
+        left = [one for one in rough if not one.is_tuned][: max(self.most - self.tuned, 0)]
         self.tuned += len(left)
         self._tune(left, is_tuned=True)
         for one in tuned:

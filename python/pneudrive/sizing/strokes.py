@@ -8,6 +8,7 @@ these numbers in the core, without trajectories. A test checks that both methods
 from __future__ import annotations
 
 import math
+import re
 from collections import defaultdict
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -60,6 +61,8 @@ STATED = ("held_by", "clamp_force", "impact_energy")
 LONGEST, LONGER_S = 1.4, 0.1
 #: Exponent of the conductance of a tube over its bore, accurate enough for its spread.
 BORE_POWER = 2.3
+#: Letter of a chamber in the path of a number.
+_CHAMBER = re.compile(r"_[ab](?=[._]|$)")
 #: Exponent that converts the factor of heat transfer in chambers to that in tubes: 2 becomes 1.4.
 TUBE_HEAT_POWER = 0.485
 
@@ -207,8 +210,9 @@ class DriveStrokes:
 
         Choices with equal keys run in one ensemble.
         """
-        parts = (self.choice.cylinder, self.choice.tube, self.choice.flow_control)
-        return outward, self.task.template_key, *(part.form for part in parts)
+        parts, task = (self.choice.cylinder, self.choice.tube, self.choice.flow_control), self.task
+        numbers = f"{task.stroke_m!r} {task.incline_rad!r} {task.external_force_n!r}"
+        return outward, f"{numbers} {task.supply} {task.ambient.to_dict()}", *(part.form for part in parts)
 
     def template(self, outward: bool) -> tuple[System, NamedNumbers]:
         """Return circuit and start state of a stroke in the core's form. They are equal for choices with equal keys."""
@@ -248,12 +252,10 @@ class DriveStrokes:
     def _numbers(self) -> NamedNumbers:
         """Numbers (SI) of all components by their paths in the core's form."""
         choice = self.choice
-        found = {f"{path}.{key}": value for path, of in choice.valve_paths.items() for key, value in of.items()}
-        found |= {f"cylinder.{key}": value for key, value in choice.cylinder.numbers.items()}
+        parts = {**choice.valve_paths, "cylinder": choice.cylinder.numbers, "load": {"mass": self.task.mass_kg}}
         for end in "ab":
-            found |= {f"tube_{end}.{key}": value for key, value in choice.tube.numbers.items()}
-            found |= {f"flow_control_{end}.{key}": value for key, value in choice.flow_control.numbers.items()}
-        return found | {"load.mass": self.task.mass_kg}
+            parts |= {f"tube_{end}": choice.tube.numbers, f"flow_control_{end}": choice.flow_control.numbers}
+        return {f"{name}.{key}": value for name, of in parts.items() for key, value in of.items()}
 
     def members(self, outward: bool, draws: Array, settings: Array) -> CoreMembers:
         """Return the numbers and the start state of each run in the core's form."""
@@ -265,12 +267,11 @@ class DriveStrokes:
         numbers = self._numbers | {"supply.pressure": 1.0, "ambient.temperature_k": 1.0}
         needles = ("flow_control_{}.needle_conductance", "cylinder.cushion_{}_needle_conductance")
         opened = [needle.format(end) for end in "ba" for needle in needles]  # in the order of `Setting`
-        factors = [*self._factors(draws).items(), *zip(opened, settings.T, strict=True)]
-        factors += [("supply.pressure", supply), ("ambient.temperature_k", temperature)]
-        paths, values = list(numbers), np.tile(list(numbers.values()), (rows, 1))
-        for path, factor in factors:
-            if path in numbers:
-                values[:, paths.index(path)] *= factor
+        stated = by_name(opened, settings.T) | {"supply.pressure": supply, "ambient.temperature_k": temperature}
+        factors, paths, values = self._factors(draws), list(numbers), np.tile(list(numbers.values()), (rows, 1))
+        for place, path in enumerate(paths):
+            values[:, place] *= factors.get(_CHAMBER.sub("", path), 1.0)
+            values[:, place] *= stated.get(path, 1.0)
         starts: Starts = {}
         for name, value in self.template(outward)[1].items():
             is_full = name.endswith("pressure_pa") and value == task.supply_pa
@@ -279,39 +280,41 @@ class DriveStrokes:
         return CoreMembers(paths, values, starts)
 
     def _factors(self, draws: Array) -> Columns:
-        """Return the factors with which the samples scale numbers of the drive. Keys are paths in the core's form."""
-        spread = self.task.spread
+        """Return the factors with which the samples scale numbers of the drive.
+
+        Keys are paths in the core's form, without the letters of the chambers.
+        """
+        choice, spread = self.choice, self.task.spread
         share = {name: 2.0 * column - 1.0 for name, column in zip(DRAWN, draws.T, strict=True)}
-        friction = _between(spread.friction, draws, "friction")
-        factors = {f"cylinder.friction.parameters.{key}": friction for key in ("coulomb", "breakaway", "viscous")}
-        factors["load.mass"] = 1.0 + spread.mass * share["load"]
 
         def flow(part: PartChoice, key: str, name: str) -> Array:
             wide = 2.0 if any(one.startswith(key) and _is_size(one) for one in part.assumed) else 1.0
             return 1.0 + wide * spread.conductance * share[name]
 
-        valve = flow(self.choice.valve, "", "valve conductance")
-        factors |= {f"{path}.conductance": valve for path in ("feed", "vent")}
-        tube = flow(self.choice.tube, "", "tube conductance") ** (1.0 / BORE_POWER)
-        needle = flow(self.choice.flow_control, "needle", "needle")
-        cushion = 1.0 + 2.0 * spread.conductance * share["cushion"]
-        dead = 1.0 + spread.assumed * share["dead volume"]
-        for end in "ab":
-            factors[f"tube_{end}.diameter"] = tube
-            factors[f"flow_control_{end}.needle_conductance"] = needle
-            factors[f"cylinder.cushion_{end}_needle_conductance"] = cushion
-            if f"dead_volume_{end}" in self.choice.cylinder.assumed:
-                factors[f"cylinder.dead_volume_{end}"] = dead
-                factors[f"cylinder.cushion_{end}_port_volume"] = dead
+        def assumed(part: PartChoice, key: str, name: str) -> Array:
+            return 1.0 + spread.assumed * share[name] * (key in part.assumed)
+
+        friction = _between(spread.friction, draws, "friction")
+        valve = flow(choice.valve, "", "valve conductance")
+        dead = assumed(choice.cylinder, "dead_volume_a", "dead volume")  # a sheet has both volumes or none
         heat = _between(np.log(spread.heat_transfer), draws, "heat transfer")
-        factors["cylinder.heat_transfer_scale"] = np.exp(heat)
-        factors |= {f"tube_{end}.heat_transfer_scale": np.exp(TUBE_HEAT_POWER * heat) for end in "ab"}
-        own = share["mass of the piston"] * ("moving_mass" in self.choice.cylinder.assumed)
-        factors["cylinder.moving_mass"] = 1.0 + spread.assumed * own
-        for key in ("time_on", "time_off", "delay"):
-            late = share["valve time"] * (key in self.choice.valve.assumed)
-            factors[f"valve.{key}"] = 1.0 + spread.assumed * late
-        return factors
+        times = {f"valve.{key}": assumed(choice.valve, key, "valve time") for key in ("time_on", "time_off", "delay")}
+        return times | {
+            "cylinder.friction.parameters.coulomb": friction,
+            "cylinder.friction.parameters.breakaway": friction,
+            "cylinder.friction.parameters.viscous": friction,
+            "load.mass": 1.0 + spread.mass * share["load"],
+            "feed.conductance": valve,
+            "vent.conductance": valve,
+            "tube.diameter": flow(choice.tube, "", "tube conductance") ** (1.0 / BORE_POWER),
+            "flow_control.needle_conductance": flow(choice.flow_control, "needle", "needle"),
+            "cylinder.cushion_needle_conductance": 1.0 + 2.0 * spread.conductance * share["cushion"],
+            "cylinder.dead_volume": dead,
+            "cylinder.cushion_port_volume": dead,
+            "cylinder.heat_transfer_scale": np.exp(heat),
+            "tube.heat_transfer_scale": np.exp(TUBE_HEAT_POWER * heat),
+            "cylinder.moving_mass": assumed(choice.cylinder, "moving_mass", "mass of the piston"),
+        }
 
     def drawn_assumed(self) -> dict[str, str]:
         """Return the values that are sampled because they are assumed, each with its component."""
@@ -464,8 +467,6 @@ FINER = (((0.8, 1.0, 1.25), (0.5, 1.0, 2.0)), ((0.86, 0.93, 1.0, 1.07, 1.15), (0
 MORE, WORST = 24, 5
 #: Largest number of rounds of this refinement, and worst-case margin at which it ends early.
 ROUNDS, SETTLED = 3, 0.1
-#: Number of cases that run together when few pairs are left: the SIMD lanes of two processors.
-AT_ONCE = 16
 #: Excess over the smallest margin above which a limit is not considered first for a pair (assumed).
 DECIDES = 0.3
 #: Time margin by which a smaller opening may be faster, due to solver errors and rebounds (assumed).
@@ -704,23 +705,18 @@ def _next_runs(table: Array, is_run: Bools, openings: Array) -> Bools:
         of_first = table[:, is_whole][:, 0]
         deciding = of_first[of_first.min(axis=1) <= least + DECIDES].argmin(axis=1)
         left[:, np.setdiff1d(np.arange(is_run.shape[1]), deciding)] = False
-        return left
-    order = np.argsort(-bounds, kind="stable")
-    number = np.empty(left.shape, int)
-    number[order] = left[order].cumsum().reshape(left.shape)
-    return left & (number <= AT_ONCE)
+    return left
 
 
 def _margins(strokes: DriveStrokes, outward: bool, found: StrokeResults) -> list[tuple[str, float, Array, Array]]:
     """Return name, limit, values and margins of the limits that the needles affect."""
     task, choice = strokes.task, strokes.choice
     way, limit = ("out", task.outward_s) if outward else ("back", task.back_s)
-    named = [(f"time {way}", limit, found.time)]
-    if task.end_speed_m_s is not None:
-        named.append((f"end speed {way}", task.end_speed_m_s, found.end_speed))
-    named.append((f"energy {way}", energy_limit(task, choice)[0], found.energy))
-    peak = peak_limit(task, choice)
-    if peak is not None:
-        named.insert(1, ("peak pressure", peak, found.peak_pressure))
+    rows = (
+        (f"time {way}", limit, found.time),
+        ("peak pressure", peak_limit(task, choice), found.peak_pressure),
+        (f"end speed {way}", task.end_speed_m_s, found.end_speed),
+        (f"energy {way}", energy_limit(task, choice)[0], found.energy),
+    )
     arrived = np.isfinite(found.time)
-    return [(name, most, values, np.where(arrived, 1.0 - values / most, NEVER)) for name, most, values in named]
+    return [(name, most, values, np.where(arrived, 1.0 - values / most, NEVER)) for name, most, values in rows if most]

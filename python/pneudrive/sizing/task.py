@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from difflib import get_close_matches
 from fnmatch import fnmatchcase
@@ -16,6 +16,7 @@ from pydantic import Field, model_validator
 from pneudrive import units
 from pneudrive.arrays import Interval, Keyed, NamedNumbers, Plain
 from pneudrive.constants import IMPACT_ENERGY_J_M2, STANDARD_GRAVITY_M_S2
+from pneudrive.control.mismatch import ValueOrRange
 from pneudrive.describe import marks
 from pneudrive.describe.all_values import DescribedValue
 from pneudrive.describe.base import Described, inline
@@ -26,7 +27,7 @@ from pneudrive.describe.files.sourced import parted
 from pneudrive.describe.marks import NOT_NEGATIVE, POSITIVE, Between, Bounds, Force, Length, Mass, Percent, Quantity
 from pneudrive.describe.marks import StatedPressure as Stated
 from pneudrive.describe.tables.parts import Ambient
-from pneudrive.errors import DescriptionError, invalid, wrong
+from pneudrive.errors import invalid, wrong
 
 #: Coefficient of friction of a guide for the load (assumed: usual values; ball guides with seals).
 GUIDES = {"none": 0.0, "ball": 0.02, "plain": 0.15}
@@ -35,29 +36,6 @@ Seconds = Annotated[float | None, Quantity("s", "s", POSITIVE)]
 Speed = Annotated[float | None, Quantity("m/s", "m/s", POSITIVE)]
 _Factor = Annotated[float | None, Quantity("", bounds=POSITIVE)]
 Share = Annotated[float, Percent("%", None, Bounds(at_least=0.0, below=90.0))]
-
-
-class _Factors(Between):
-    """Annotation of a field for a range of factors, ``"0.7 .. 1.5"``."""
-
-    def read(self, given: object) -> Interval:  # type: ignore[override]
-        """Read a range of two positive factors, and return both ends."""
-        ends = given.split("..") if isinstance(given, str) else []
-        try:
-            low, high = (float(end) for end in ends)
-        except ValueError:
-            raise DescriptionError(f"{given!r} is not a range of factors", remedy='Write "0.7 .. 1.5".') from None
-        if not 0.0 < low <= high < math.inf:
-            raise DescriptionError(f'"{given}" is out of bounds', rule="0 < first end <= second end")
-        return low, high
-
-    def show(self, value: Interval) -> str:  # type: ignore[override]
-        """Return the range in the form that users write."""
-        return f"{value[0]:g} .. {value[1]:g}"
-
-    def schema(self) -> Plain:
-        """Return the JSON schema of a range of factors in the form that users write."""
-        return {"type": "string", "pattern": r"^.+ \.\. .+$"}
 
 
 class TaskSupply(Described):
@@ -75,14 +53,14 @@ class TaskSpreads(Described):
 
     table_name = "spread"
     mass: Share = Field(default=0.1, description="of the load, +-")
-    friction: Annotated[Interval, _Factors("")] = Field(
+    friction: Annotated[Interval, ValueOrRange()] = Field(
         default=(0.7, 1.5), description="factors of the friction of cylinder and guide"
     )
     conductance: Share = Field(default=0.1, description="of valves, tubes and needles, +-; doubled for assumed values")
     temperature_k: Annotated[Interval | None, Between("K", "degC")] = Field(
         default=None, description="of air and cylinder; absent: 10 K below to 15 K above the ambient temperature"
     )
-    heat_transfer: Annotated[Interval, _Factors("")] = Field(
+    heat_transfer: Annotated[Interval, ValueOrRange()] = Field(
         default=(0.5, 2.0), description="factors of the heat transfer in chambers, by ratio; smaller ones for tubes"
     )
     assumed: Share = Field(default=0.3, description="of assumed dead volumes, piston masses and valve times, +-")
@@ -200,13 +178,6 @@ class SizingTask(Described):
         return is_servo or any(fnmatchcase(name, word) or fnmatchcase(kind, word) for word in self.exclude)
 
     @property
-    def template_key(self) -> str:
-        """Properties of the task that determine a circuit, except for sampled numbers."""
-        return (
-            f"{self.stroke_m!r} {self.incline_rad!r} {self.external_force_n!r} {self.supply} {self.ambient.to_dict()}"
-        )
-
-    @property
     def supply_pa(self) -> float:
         """Nominal absolute supply pressure, in Pa."""
         return self.supply.pressure.absolute_pa(self.ambient.pressure_pa)
@@ -253,7 +224,7 @@ def task_schema() -> Plain:
 def values_of(task: SizingTask) -> list[DescribedValue]:
     """Return every value of a task as text, defaults included, in the order of its file, with its meaning as origin."""
     given = dict(toml.leaves(task.to_dict()))
-    meanings = dict(_meanings(task))
+    meanings = dict(toml.leaves(_meanings(task)))
     out = []
     for key, value in toml.leaves(task.with_defaults()):
         if key != "schema":
@@ -275,13 +246,11 @@ def follows_from(task: SizingTask) -> list[tuple[str, float, str]]:
     ]
 
 
-def _meanings(part: Any, before: str = "") -> Iterator[tuple[str, str]]:  # noqa: ANN401 - a table of a description
-    for name, entry in type(part).model_fields.items():
-        key, value = f"{before}{entry.alias or name}", getattr(part, name)
-        if hasattr(type(value), "model_fields"):
-            yield from _meanings(value, f"{key}.")
-        else:
-            yield key, entry.description or ""
+def _meanings(part: Described) -> Plain:
+    """Return the meaning of each key, in nested tables as in a file."""
+    fields = type(part).model_fields.items()
+    each = {entry.alias or name: (getattr(part, name), entry.description or "") for name, entry in fields}
+    return {key: _meanings(value) if isinstance(value, Described) else text for key, (value, text) in each.items()}
 
 
 # --- Parts of the catalogue for a task: cylinders, valves, tubes, flow controls, with assumed values for gaps.
@@ -375,13 +344,13 @@ class DriveChoice:
     Attributes
     ----------
     cylinder, valve, tube, flow_control : PartChoice
-        A flow control called "none" is left out.
+        A flow control called "none" is left out. A missing valve or tube counts as ideal.
     """
 
     cylinder: PartChoice
-    valve: PartChoice
-    tube: PartChoice
-    flow_control: PartChoice
+    valve: PartChoice = NO_FLOW_CONTROL
+    tube: PartChoice = NO_FLOW_CONTROL
+    flow_control: PartChoice = NO_FLOW_CONTROL
 
     @property
     def parts(self) -> dict[str, str]:
