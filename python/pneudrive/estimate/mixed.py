@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from scipy.linalg import cho_solve, cholesky, solve_triangular
 from scipy.special import fdtrc, stdtrit
 
-from pneudrive.arrays import Array, ArrayPair, Columns, Interval
+from pneudrive.arrays import Array, ArrayPair, Columns, Interval, by_name
 from pneudrive.estimate.estimates import MOST_FREEDOM, NORMAL_95, Estimate, FTest, student
 
 # --- Least squares of laws that are linear except for shape parameters: grid of shapes, and intervals by profile.
@@ -375,8 +375,7 @@ class MixedFit:
 
     def most_probable_sd(self, name: str) -> float:
         """Return the most probable standard deviation of a random effect; 0 if the model does not contain it."""
-        names = [c.name for c in self.model.components]
-        return float(self.sd[names.index(name)]) if name in names else 0.0
+        return by_name((c.name for c in self.model.components), self.sd).get(name, 0.0)
 
     def deviation(self, name: str) -> Estimate:
         """Estimate the standard deviation of a component, with its interval."""

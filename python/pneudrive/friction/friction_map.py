@@ -184,12 +184,9 @@ class Condition:
         return f"{pressures}, {self.title}" if self.title else pressures
 
 
-CONDITION = tuple(field.name for field in fields(Condition))  # columns of a table of cycles or stops
-
-
 def conditions_of(table: pl.DataFrame) -> list[Condition]:
     """Return the condition of each row of a table of cycles or stops."""
-    return [Condition(*row) for row in table.select(CONDITION).iter_rows()]
+    return [Condition(*row) for row in table.select(field.name for field in fields(Condition)).iter_rows()]
 
 
 def _tidy(bar: float) -> str:

@@ -442,8 +442,6 @@ class CampaignData:
     notes : tuple of str
     edges_m : ndarray, shape (bins + 1,)
         Bins of position.
-    several : bool
-        Whether the campaign has several blocks or days.
     """
 
     name: str
@@ -453,7 +451,6 @@ class CampaignData:
     tares: CycleTable
     skipped: tuple[Skipped, ...]
     edges_m: Array
-    several: bool
     about: Row = field(default_factory=dict)
     files: tuple[CycleFile, ...] = ()
     gain: Gain = field(default_factory=Gain)
@@ -517,7 +514,6 @@ def read_campaign(campaign: Campaign, choice: SampleChoice, processes: int | Non
         skipped=tuple(sorted(skipped, key=lambda s: s.file)),
         notes=tuple(notes),
         edges_m=edges,
-        several=any(len({plan[name] for plan in plans.values()}) > 1 for name in ("day", "block")),
     )
 
 
@@ -710,5 +706,4 @@ def reading_of(found: Characterisation) -> CampaignData:
         tares=CycleTable.of([], BINS),
         skipped=tuple(Skipped(key, "", why) for key, why in found.skipped),
         edges_m=edges,
-        several=len(runs) > 1,
     )

@@ -112,7 +112,8 @@ def _scatter(found: CampaignCharacteristics, reading: CampaignData, fits: Fits) 
             narrow = {"narrow": (share < 1.0).sum(), "points": share.size, "least": share.min()}
             yield say("repeatability.measured_once", sentinels=count, **narrow)
     if fits.friction.data.blocks is None:
-        yield say("repeatability.one_block_each" if reading.several else "repeatability.one_block")
+        several = any(np.ptp(reading.sliding[name]) > 0 for name in ("day", "block"))
+        yield say("repeatability.one_block_each" if several else "repeatability.one_block")
     points, pure = fits.points, pure_scatter(fits)
     if pure is not None:
         data, single = fits.friction.data, pure[0]
