@@ -23,7 +23,7 @@ from pneudrive.report.page import Report, svg_text
 from pneudrive.report.recordings import characterisation_view, closures, recordings_report
 from pneudrive.rig import SimulatedRig, sweep
 from pneudrive.signals.load import from_run
-from pneudrive.studies.bracha.stick_slip import creep
+from pneudrive.studies.bracha.figure import OPENING, START, slow_drive
 from pneudrive.views import ShownFigure
 
 FLAGS = flag_table()
@@ -147,7 +147,8 @@ def test_there_is_a_report(name, tmp_path):
 
 
 def test_stick_slip_of_a_recording_is_measured_and_drawn(tmp_path):
-    found = characterise_recordings([from_run(creep("stribeck"))])
+    run = pn.simulate(slow_drive("stribeck"), [(0.0, OPENING)], 20.0, initial=START, sample_rate="1 kHz")
+    found = characterise_recordings([from_run(run.isel(time=slice(4000, None)))])
     page = write_report(found, {}, tmp_path).read_text(encoding="utf-8")
     assert "1 of 1 stroke show stick-slip" in page
     assert (tmp_path / "figures" / "stick-slip-recordings-phase.png").is_file()

@@ -24,14 +24,13 @@ from pneudrive.report.page import Blocks, Paragraph, Report, Topic, figure_of, p
 from pneudrive.report.recordings import motion_figures, recovered, recovered_part
 from pneudrive.rig import SimulatedRig, shipped_rigs, sweep
 from pneudrive.studies.bracha import figure as bracha
-from pneudrive.studies.bracha import stick_slip as slips
-from pneudrive.studies.bracha.figure import SEED, Claim, PaperFigure, figure_5, figure_6, figure_8, judge
+from pneudrive.studies.bracha.figure import SEED, Claim, PaperFigure, judge
 from pneudrive.views import ShownFigure
 
 if TYPE_CHECKING:
     import xarray as xr
 
-    from pneudrive.rig.description import RigDescription
+    from pneudrive.rig.description import RigDescription, Source
 
 
 FULL_STROKE = Path(__file__).with_name("full_stroke.toml")
@@ -73,15 +72,13 @@ class ChamberComparison:
 def compare_chamber_laws() -> ChamberComparison:
     """Simulate the drive of ``full_stroke.toml`` out and back, with the valve fully open, with both chamber laws."""
     drive = pn.Drive.load(FULL_STROKE)
-    runs = {}
+    command = [(0.0, 1.0), (TURN_S, -1.0)]
     with warnings.catch_warnings():  # as-printed breaks the energy balance, as intended here
         warnings.simplefilter("ignore", PneudriveWarning)
-        for law in (ENERGY_BALANCE, AS_PRINTED):
-            described = drive.replace({"cylinder.chamber_law": law})
-            command = [(0.0, 1.0), (TURN_S, -1.0)]
-            runs[law] = pn.simulate(
-                described, command, 2 * TURN_S, initial=_start(drive), sample_rate=SAMPLE_RATE, rtol=RTOL
-            )
+        runs = {
+            law: stroke(drive.replace({"cylinder.chamber_law": law}), command, 2 * TURN_S, rtol=RTOL)
+            for law in (ENERGY_BALANCE, AS_PRINTED)
+        }
     c = drive.cylinder
     return ChamberComparison(
         runs=runs,
@@ -91,14 +88,15 @@ def compare_chamber_laws() -> ChamberComparison:
     )
 
 
+def stroke(drive: pn.Drive, command: list[tuple[float, float]], duration_s: float, **options: Any) -> xr.Dataset:  # noqa: ANN401
+    """Simulate a drive from the near stop, with the supply pressure in chamber b."""
+    start = f"position = 0 mm, pressure_b = {drive.supply_pressure_pa} Pa abs"
+    return pn.simulate(drive, command, duration_s, initial=start, sample_rate=SAMPLE_RATE, **options)
+
+
 def stroke_out(drive: pn.Drive) -> float:
     """Return the time (s) of the stroke out with the valve fully open."""
-    run = pn.simulate(drive, [(0.0, 1.0)], STROKE_S, initial=_start(drive), sample_rate=SAMPLE_RATE)
-    return _arrival(run, drive.cylinder.stroke_m)
-
-
-def _start(drive: pn.Drive) -> str:
-    return f"position = 0 mm, pressure_b = {drive.supply_pressure_pa} Pa abs"
+    return _arrival(stroke(drive, [(0.0, 1.0)], STROKE_S), drive.cylinder.stroke_m)
 
 
 def _arrival(run: xr.Dataset, stroke_m: float) -> float:
@@ -172,7 +170,7 @@ def general_claims(chambers: ChamberComparison, figures: Mapping[int, PaperFigur
     slower, longer = (1.0 - usual / stroke_out(drive.replace(one)) for one in ({"valve.conductance": half}, LONG))
     least, most = min(speed, stop), max(heat, gas)
     # Largest error of the drive of figure 2 along the sine R2 under a usual and a predictive controller, m.
-    along = (pn.control.run(slips.slow_drive(), law=law, reference="R2") for law in ("pid", "nmpc"))
+    along = (pn.control.run(bracha.slow_drive(), law=law, reference="R2") for law in ("pid", "nmpc"))
     usual_law, predictive = (float(run.score["max_error_m"]) for run in along)
     verdicts = {
         "balance": judge(lost[AS_PRINTED] < CLOSED * work, part=lost[ENERGY_BALANCE] < CLOSED * work),
@@ -213,17 +211,14 @@ def paper_figures(runs: Mapping[str, Campaign]) -> dict[int, PaperFigure]:
         Figures by their number in the paper.
     """
     figures = [
-        slips.figure_1(),
-        slips.figure_2(),
-        slips.figure_3(),
-        slips.figure_4(runs["speed"]),
-        figure_5(runs["cycle"]),
-        figure_6(runs["speed"]),
-        slips.figure_7(runs["pressure"]),
-        figure_8(runs["pressure"]),
-        slips.figure_9(runs["stops"]),
+        *bracha.stick_slip_figures(),
+        *bracha.rig_figures(runs),
+        bracha.figure_5(runs["cycle"]),
+        bracha.figure_6(runs["speed"]),
+        bracha.figure_8(runs["pressure"]),
+        bracha.figure_9(runs["stops"]),
     ]
-    return {figure.number: figure for figure in figures}
+    return {figure.number: figure for figure in sorted(figures, key=lambda figure: figure.number)}
 
 
 # --- Pictures of the source paper's figures 4 to 9.
@@ -237,26 +232,20 @@ def rig(data: PaperFigure) -> Figure:
     """Draw figures 4 and 7: the rig with its stated values."""
     assert data.rig is not None
     identity, envelope = data.rig
-    sensor = []
-    if "force_n" in identity.limits:
-        sensor.append(f"±{max(abs(v) for v in identity.limits['force_n']):.0f} N")
-    if "force_n" in identity.accuracy:
-        sensor.append(f"u = {identity.accuracy['force_n']:.2g} N")
-    if identity.stiffness_n_m is not None:
-        sensor.append(f"{1e-6 * identity.stiffness_n_m:.3g} N/µm")
+    assert identity.stiffness_n_m is not None  # simulated rigs state it
+    range_n, error_n = identity.limits["force_n"][1], identity.accuracy["force_n"]
     low, high = (1e-5 * (p - identity.ambient_pressure_pa) for p in envelope.pressure_pa)
     return page.sketch(
         "rig",
-        [identity.chambers if identity.chambers in ("open", "common") else "separate"],
+        [identity.chambers],
         low_mm=1e3 * envelope.position_m[0],
         high_mm=1e3 * envelope.position_m[1],
         speed_mm_s=1e3 * envelope.speed_m_s,
         acceleration=envelope.acceleration_m_s2,
         jerk=envelope.jerk_m_s3,
-        sensor=", ".join(sensor),
+        sensor=f"±{range_n:.0f} N, u = {error_n:.2g} N, {1e-6 * identity.stiffness_n_m:.3g} N/µm",
         bore_mm=2e3 * math.sqrt(identity.area_a_m2 / math.pi),
         mass=identity.mass_beyond_sensor_kg,
-        held="pressures held" if identity.chambers == "held" else "a regulator for each chamber",
         served=f"{max(low, 0.0):.2g} to {high:.3g} bar gauge",
     )
 
@@ -484,12 +473,14 @@ def paper(topic: Topic, made: Reproduction) -> Blocks:
     yield Paragraph(sentence(count_verdicts(claims)), "fails" if failed else "holds")
     yield topic.table((c.place, f"“{c.said}”", sentence(c.found), c.verdict) for c in claims)
     yield from topic.listed((f"“{said}”: {why}." for said, why in unchecked.items()), "unchecked")
-    yield from topic.listed((f"Figure {f.number}: {f.assumed}." for f in figures.values() if f.assumed), "assumed")
+    yield from topic.listed(
+        (f"Figure {f.number}: {f.texts['assumed']}." for f in figures.values() if "assumed" in f.texts), "assumed"
+    )
     yield topic.text("campaigns")
     yield topic.text("holds", "note")
     for number, (name, drawing) in DRAWINGS.items():
         f = figures[number]
-        caption = topic.say("caption", number=number, title=f.title, measured=sentence(f.measured))
+        caption = topic.say("caption", number=number, title=f.texts["title"], measured=sentence(f.measured))
         yield ShownFigure(f"paper-{number}-{name}", caption, drawing(f))
 
 
@@ -551,18 +542,19 @@ PARTS = {"paper": paper, "stick-slip": stick_slip, "chambers": chambers}
 
 def provenance(topic: Topic, made: Reproduction) -> Blocks:
     """Show the software, the values of the default rig, differing values of other rigs, drive values, and sources."""
-    runs, base = made.chambers.runs, made.rigs[0].sources
+    runs = made.chambers.runs
+    base: dict[str, Source] = {}
     cited = (key for run in runs.values() for key in run.attrs["citations"])
     laws = (friction_laws()[name]["source"] for name in ("lugre", "stribeck"))
     solver = ("solver of the simulations", str(runs[ENERGY_BALANCE].attrs["solver"]))
     yield topic.text("validity")
     yield topic.table([*page.software(), solver, ("seed of the simulated sensors", str(SEED))], "software")
     for name, sources in {rig.name: rig.sources for rig in made.rigs}.items():
-        own = sources if sources is base else {k: s for k, s in sources.items() if s != base.get(k)}
-        only = "" if sources is base else topic.say("only")
-        yield topic.text("values", rig=f"{name[0].lower()}{name[1:]}", only=only)
+        own = {key: source for key, source in sources.items() if source != base.get(key)}
+        yield topic.text("values", rig=f"{name[0].lower()}{name[1:]}", only=topic.say("only") if base else "")
         yield topic.table((key, s.value, s.source, s.reason) for key, s in own.items())
+        base = base or sources
     yield topic.text("drives")
-    for path in (slips.SLOW_DRIVE, FULL_STROKE):
+    for path in (bracha.SLOW_DRIVE, FULL_STROKE):
         yield Paragraph(path.read_text(encoding="utf-8").strip(), "code")
     yield from topic.listed(page.references(dict.fromkeys(["bracha", *cited, *laws])), "sources")
