@@ -112,7 +112,7 @@ def demands(platform: Platform, path: PosePath, duration_s: float) -> Demands:
     )
 
 
-def check_path(platform: Platform, tunings: list[Tuning], needs: Demands) -> NamedNumbers:
+def check_path(platform: Platform, tunings: list[Tuning], needs: Demands) -> Plain:
     """Return the smallest margins of a path, and reject a path that a leg cannot follow.
 
     Returns
@@ -432,7 +432,7 @@ class _Legs:
             events += [{"leg": leg.name} | event for event in told(own["events"])]
         return columns, mass_kg, events
 
-    def score(self, columns: Mapping[str, Array], mass_kg: float, margins: NamedNumbers) -> PoseScore:
+    def score(self, columns: Mapping[str, Array], mass_kg: float, margins: Plain) -> PoseScore:
         """Return the score of a run along the path."""
         time, period = columns["time_s"], self.path.period_s
         scored = time >= (0.0 if period is None else time[-1] - max(LAST_S, period) + 0.5 * time[1])

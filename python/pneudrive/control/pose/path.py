@@ -137,7 +137,7 @@ def pose_path(given: PosePath | Mapping[str, str] | str | Path, platform: Platfo
     """
     if isinstance(given, PosePath):
         return given
-    name, text, tables = "", None, Plain()
+    text: str | None = None
     if isinstance(given, (str, Path)):
         remedy = 'For instance heave = "sine 30 mm 0.5 Hz around 470 mm".'
         if Path(given).suffix.lower() != ".toml":
@@ -145,7 +145,7 @@ def pose_path(given: PosePath | Mapping[str, str] | str | Path, platform: Platfo
         tables, text = toml.read(str(given), start=remedy)
         name = str(given)
     else:
-        tables, text = dict(given), None
+        tables = dict(given)
         name = "; ".join(f"{key}: {line}" for key, line in given.items())
     with toml.locating(name, text):
         tables.pop("schema", None)
