@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -75,11 +76,8 @@ def status_of(folder: str | Path) -> Status:
         problems.append(Problem(CYCLES, note, lost=False))
     done = {file.cycle.key for file in files}
     planned, remaining, extra = None, None, 0
-    try:
+    with suppress(CampaignError, ProtocolError):  # written by another program: no plan is known
         plan = plan_of(campaign, checked=False)  # it was before the first cycle
-    except (CampaignError, ProtocolError):
-        pass  # written by another program: no plan is known
-    else:
         keys = {cycle.key for cycle in plan.cycles}
         planned, remaining, extra = len(keys), plan.remaining_s(done), len(done - keys)
     flags = Counter(flag for file in files for flag, count in file.head.flags.items() if count)

@@ -259,5 +259,5 @@ def read_live(folder: Path) -> tuple[Plain, Columns] | None:
     try:
         with np.load(BytesIO(read_bytes(folder / FOLDER / LIVE, CampaignError))) as file:
             return json.loads(str(file["about"])), dict(zip(COLUMNS, file["points"].T, strict=True))
-    except (CampaignError, KeyError, ValueError, BadZipFile):
+    except (CampaignError, KeyError, TypeError, ValueError, EOFError, BadZipFile):
         return None
