@@ -253,7 +253,7 @@ class RigServer:
         if name is None:
             return ua.StatusCode(ua.StatusCodes.BadUserAccessDenied)
         node = self.nodes.nodes[name]
-        raw = None if variant is None else variant.Value
+        raw: Any = None if variant is None else variant.Value
         is_of_type = raw is not None and variant.VariantType is ua.VariantType[node.type]
         if not is_of_type or isinstance(raw, list) != node.kind.array:
             return ua.StatusCode(ua.StatusCodes.BadTypeMismatch)
