@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from contextlib import suppress
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -74,12 +75,10 @@ class Pneu:
                 raise CommandError(f"the unit {unit!r} is not a string", remedy=remedy)
             before = len(changed)
             for name, values in columns.items():
-                try:
+                with suppress(DescriptionError):  # of another quantity
                     factor, offset = units.converter(unit, _si(values))
-                except DescriptionError:  # of another quantity
-                    continue
-                shown = (np.asarray(values) - offset) / factor
-                changed[str(name)] = xr.DataArray(shown, dims=values.dims, attrs={**values.attrs, "units": unit})
+                    shown = (np.asarray(values) - offset) / factor
+                    changed[str(name)] = xr.DataArray(shown, dims=values.dims, attrs={**values.attrs, "units": unit})
             if len(changed) == before:
                 raise CommandError(
                     f'no column of this run can be converted to "{unit}"',

@@ -120,8 +120,8 @@ class Explorer:
         ends = {name: one for name, one in found.data_vars.items() if name in ("position", "pressure_a", "pressure_b")}
         rows = [(str(name), f"{float(one[-1]):.6g} {one.attrs['units']}") for name, one in ends.items()]
         rows += [(key, str(value)) for key, value in self.changes.items()]
-        note = "" if is_live() else f"Sliders need a live notebook and {INSTALL}."
-        return Card(f"{self._base.name}, at the end of {self._duration}", rows=rows, notes=[note] if note else [])
+        notes = [] if is_live() else [f"Sliders need a live notebook and {INSTALL}."]
+        return Card(f"{self._base.name}, at the end of {self._duration}", rows=rows, notes=notes)
 
     def _made(self) -> Any:  # noqa: ANN401 - a class that exists where its library does
         import anywidget  # pyright: ignore[reportMissingImports] - an extra

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal
 from pydantic import Field, ValidationError, model_validator
 
 from pneudrive.describe.base import as_tables, escaped, inline
-from pneudrive.describe.components import Component, component, component_class, within_component
+from pneudrive.describe.components import Component, component, component_class, unusual, within_component
 from pneudrive.describe.connections import AMBIENT, Part, Wiring
 from pneudrive.describe.files import catalogue, toml
 from pneudrive.describe.formulas import law, written
@@ -35,7 +35,6 @@ if TYPE_CHECKING:
     from pneudrive.describe.files.sourced import Value
     from pneudrive.describe.marks import Positions, Signal
     from pneudrive.describe.system import ShortNames
-    from pneudrive.progress import Flag, Progress
     from pneudrive.simulation.command import Commands
 
 #: Valid name of a component.
@@ -92,8 +91,8 @@ class Circuit(DescribedSystem):
         short = Short(data, problems)
         data = _completed(data, short, problems)
         components, parts, templates = _read_components(data.get("components"), problems)
-        lists = [data.get(key, ()) for key in ("connections", "plugged")]
-        chains, plugged = ([] if isinstance(one, str) or not isinstance(one, list | tuple) else one for one in lists)
+        lists = (data.get(key) for key in ("connections", "plugged"))
+        chains, plugged = (one if isinstance(one, list | tuple) else () for one in lists)
         wiring = Wiring(parts, chains, plugged, templates, problems)
         check_platforms(wiring, components, problems)
         whole = None
@@ -308,19 +307,7 @@ class Circuit(DescribedSystem):
         starts = Starts(self)
         return starts.keys | {key: key for key in starts.coordinates}
 
-    def simulate(
-        self,
-        commands: Commands,
-        duration: str | float,
-        *,
-        initial: Keyed | str | None = None,
-        sample_rate: str | float = "1 kHz",
-        rtol: float = 1e-6,
-        ledger: bool = False,
-        budget: int | None = None,
-        progress: Progress | None = None,
-        cancel: Flag | None = None,
-    ) -> xr.Dataset:
+    def simulate(self, commands: Commands, duration: str | float, **options: Any) -> xr.Dataset:  # noqa: ANN401
         """Simulate the circuit, as ``pn.simulate(circuit, ...)`` does.
 
         Parameters
@@ -329,10 +316,11 @@ class Circuit(DescribedSystem):
             Commands by component: ``{"valve_l": "0 s: 1, 0.5 s: -1", "valve_r": 0.4}``, each in a form that
             `pneudrive.simulate` accepts. A text may begin with the name, ``"valve_l: 0 s: 1, 0.5 s: -1"``. The name is
             optional if only one component has a command. A valve without a command stays closed.
-        duration, sample_rate, rtol, ledger, budget, progress, cancel
+        duration : str or float
             See `pneudrive.simulate`.
-        initial : dict or str, optional
-            Start values, see `start`.
+        **options
+            Further arguments of `pneudrive.simulate`: `initial` (see `start`), `sample_rate`, `rtol`, `ledger`,
+            `budget`, `progress`, `cancel`.
 
         Returns
         -------
@@ -344,8 +332,7 @@ class Circuit(DescribedSystem):
         CommandError, DescriptionError, SimulationError, Cancelled
             As `pneudrive.simulate`.
         """
-        options = {"initial": initial, "sample_rate": sample_rate, "rtol": rtol, "ledger": ledger, "budget": budget}
-        return upper("simulate")(self, commands, duration, **options, progress=progress, cancel=cancel)
+        return upper("simulate")(self, commands, duration, **options)
 
     @cached_property
     def assumptions(self) -> list[tuple[str, str]]:
@@ -383,7 +370,7 @@ class Circuit(DescribedSystem):
     @property
     def unusual(self) -> list[str]:
         """Unusually large or small sizes of components, which may have a wrong unit."""
-        return [f"{name}.{line}" for name, one in self.components.items() for line in one.unusual]
+        return [line for name, one in self.components.items() for line in unusual(name, one)]
 
     def _card(self) -> Card:
         """Return a card with a line for each component, and the connections."""

@@ -207,12 +207,6 @@ class Component(Described):
                 needed = f"without {f'{key} = {option!r}' if option else key}"
                 yield f"{parameter['key']} has no effect {needed.replace('without no', 'with')}"
 
-    @property
-    def unusual(self) -> Iterator[str]:
-        """Sizes outside their usual range, each with this range."""
-        for key, size, _, rule in unusual_sizes(self, USUAL):
-            yield f"{key} = {size}; {rule}"
-
     def __reduce__(self) -> tuple[object, ...]:
         """Pickle the component as its table, because its class is generated again on loading."""
         return component, (self.to_dict(),)
@@ -248,6 +242,11 @@ def unusual_sizes(description: Described, usual: Mapping[str, Interval]) -> Iter
         if size is not None and not low <= size <= high:
             least, most = (UnitFloat(end, size.si_unit, size.unit) for end in (low, high))
             yield key, size, low if size < low else high, f"check the unit: usual sizes are {least} to {most} (assumed)"
+
+
+def unusual(name: str, description: Described) -> list[str]:
+    """Return the sizes of a table outside their usual range, each with the name of the table and this range."""
+    return [f"{name}.{key} = {size}; {rule}" for key, size, _, rule in unusual_sizes(description, USUAL)]
 
 
 def component(table: Keyed) -> Component:
@@ -391,10 +390,10 @@ def component_class(kind: str, formula: ComponentFormula | None = None) -> type[
     if points:
         columns = tuple((column["key"], parameter_quantity(column), column["default"]) for column in points["columns"])
         mark = marks.PointRows("", columns=columns, most=points["most"])
-        what = columns[1][0] if len(columns) == 2 else "flow"
-        meaning, rows_of = f"{what[0].upper()}{what[1:]} over the {columns[0][0]}", tuple[tuple[float, ...], ...]
+        rows_of = tuple[tuple[float, ...], ...]
         form, usual = (rows_of | None, None) if points["optional"] else (rows_of, ...)
-        fields[points["key"]] = (Annotated[form, mark], Field(default=usual, description=meaning))
+        about = Field(default=usual, description=f"Points over the {columns[0][0]}")
+        fields[points["key"]] = (Annotated[form, mark], about)
     if any(one["name"] == COMMAND for one in entry["inputs"]):
         meaning = "Range of the electrical input, for commands in V or mA"
         fields[COMMAND] = (Annotated[Signal | None, marks.SIGNAL_RANGE], Field(default=None, description=meaning))

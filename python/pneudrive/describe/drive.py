@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 from pydantic import Field, model_validator
 
 from pneudrive.describe.base import as_tables, escaped, inline, key_of
-from pneudrive.describe.components import USUAL, merge, unusual_sizes
+from pneudrive.describe.components import merge, unusual
 from pneudrive.describe.files import catalogue, provenance, sourced, toml
 from pneudrive.describe.files.provenance import Origin
 from pneudrive.describe.formulas import written
@@ -329,9 +329,7 @@ class Drive(DescribedSystem):
         notes = [f"friction {self.friction.note}"] if self.friction.note else []
         if not self.is_plain:
             return notes + self.circuit.unusual
-        tables = {"valve": self.valve, "cylinder": self.cylinder}  # a circuit would cost more than a run
-        sizes = ((name, *size) for name, table in tables.items() for size in unusual_sizes(table, USUAL))
-        return notes + [f"{name}.{key} = {size}; {rule}" for name, key, size, _, rule in sizes]
+        return notes + unusual("valve", self.valve) + unusual("cylinder", self.cylinder)
 
     def _card(self) -> Card:
         """Return a card with a line for each table and its given values."""

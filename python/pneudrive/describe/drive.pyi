@@ -15,7 +15,7 @@ from pathlib import Path
 from pneudrive.arrays import Keyed as Keyed, NamedNumbers as NamedNumbers, Plain as Plain
 from pneudrive.describe.base import as_tables as as_tables, escaped as escaped, inline as inline, key_of as key_of
 from pneudrive.describe.circuit import Circuit as Circuit
-from pneudrive.describe.components import USUAL as USUAL, merge as merge, unusual_sizes as unusual_sizes
+from pneudrive.describe.components import merge as merge, unusual as unusual
 from pneudrive.describe.files import catalogue as catalogue, provenance as provenance, sourced as sourced, toml as toml
 from pneudrive.describe.files.provenance import Origin as Origin
 from pneudrive.describe.formulas import written as written

@@ -261,25 +261,17 @@ class Reads(Mark):
 
     Parameters
     ----------
-    how : callable
+    read : callable
         Function that converts and checks a value.
-    write : callable, optional
-        Function that returns the value in the form that users write. None: the value already has this form.
+    show : callable, optional
+        Function that returns the value in the form that users write. Default: the value has this form.
     form : dict
         JSON schema of the form that users write.
     """
 
-    how: Callable[[Any], Any]
-    write: Callable[[Any], Any] | None = None
+    read: Callable[[Any], Any] = field()
+    show: Callable[[Any], Any] = field(default=lambda value: value)
     form: Plain = field(default_factory=dict, hash=False)
-
-    def read(self, given: Any) -> Any:  # noqa: ANN401 - result of the function
-        """Convert and check a value with the reader function."""
-        return self.how(given)
-
-    def show(self, value: Any) -> Any:  # noqa: ANN401
-        """Return the value in the form that users write."""
-        return value if self.write is None else self.write(value)
 
     def schema(self) -> Plain:
         """Return the JSON schema of the form that users write."""

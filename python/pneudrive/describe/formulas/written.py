@@ -203,10 +203,9 @@ def read_file(table: object, slot: str, key: str, make: Callable[[str], Written 
     DescriptionError
         The file does not exist or is not valid.
     """
-    name = table.get(slot) if isinstance(table, dict) else None
-    if not (isinstance(table, dict) and isinstance(name, str) and name.startswith(FILE_PREFIX)):
+    if not isinstance(table, dict) or not str(table.get(slot)).startswith(FILE_PREFIX):
         return
-    file = path.parent / name.removeprefix(FILE_PREFIX).strip()
+    file = path.parent / table[slot].removeprefix(FILE_PREFIX).strip()
     if not file.is_file():
         raise wrong(f"{key}.{slot}", f"{key}.{slot} names a file that does not exist: {file}", remedy=toml.beside(file))
     table[slot] = make(f"{FILE_PREFIX}{file}")
