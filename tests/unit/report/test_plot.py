@@ -13,8 +13,8 @@ import pneudrive as pn
 from pneudrive.characterise import characterise_recordings
 from pneudrive.errors import CommandError, PneudriveWarning
 from pneudrive.figures import Figure, Line, Markers, Panel
+from pneudrive.friction.characterisation import fit_pressure_lines
 from pneudrive.friction.friction_map import COLUMNS, LEVEL_COLUMNS
-from pneudrive.friction.pressure import fit_pressure_lines
 from pneudrive.friction.sentences import flag_table
 from pneudrive.report.recordings import pressure_panel
 from pneudrive.report.render import draw_figure

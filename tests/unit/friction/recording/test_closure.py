@@ -11,7 +11,7 @@ import pytest
 from oracle.recordings import AMBIENT, make_recording
 from pneudrive.characterise import characterise_recordings, write_map
 from pneudrive.friction.campaign.characteristics import recorded_characteristics
-from pneudrive.friction.pressure import fit_closures, fit_pressure_lines, run_spread
+from pneudrive.friction.characterisation import fit_closures, fit_pressure_lines, run_spread
 from pneudrive.identify.static.fit import fit_characterisation, fit_file, fit_friction
 from pneudrive.web.measured.friction import drawn_map
 
