@@ -280,7 +280,8 @@ class Platform(Viewed):
         pose = self.pose(pose)
         own = self.evaluate(pose)
         transposed = np.swapaxes(own["jacobian"], -1, -2)
-        return np.linalg.solve(transposed, own["forces"][..., None]).reshape(pose.shape)
+        held = np.linalg.solve(transposed, own["forces"][..., None])
+        return np.asarray(held, dtype=float).reshape(pose.shape)
 
     def dynamics(self, pose: Pose, rates: ArrayLike, accelerations: ArrayLike) -> LegDynamics:
         """Return motion, force and moving mass of each leg along a motion of the platform: the inverse dynamics.

@@ -108,7 +108,8 @@ class ForceCalibration:
             return (np.asarray(shown_n, dtype=float) - self.zero_n) / self.gain
         from scipy.interpolate import interp1d
 
-        return interp1d(self.shown_n, self.reference_n, fill_value="extrapolate")(shown_n)
+        curve = interp1d(self.shown_n, self.reference_n, fill_value="extrapolate")  # pyright: ignore[reportArgumentType]
+        return curve(shown_n)
 
     def applied(self) -> ForceCalibration:
         """Return a calibration for forces that the curve has already corrected. It contains only the uncertainties."""

@@ -228,11 +228,11 @@ def _sign_and_bore(roles: RoleSearch) -> tuple[str, float, str]:
     sign, unknown = "-x" if roles.sign < 0 else "+x", 0.025
     force, directions = roles.guesses.get("force"), roles.directions
     pressures = [guess for role, guess in roles.guesses.items() if role.startswith("pressure")]
-    has_one_pressure = len(pressures) == 1 and "pressure" not in roles.open_roles
-    if directions is None or force is None or force.source is None or not has_one_pressure:
+    pressure = pressures[0].source if len(pressures) == 1 and "pressure" not in roles.open_roles else None
+    if directions is None or force is None or force.source is None or pressure is None:
         return sign, unknown, "write the real bore"
     levels = directions.levels(force.source.values)
-    mean_pa = np.nanmean(pressures[0].source.values) * converter(pressures[0].unit, "Pa")[0]
+    mean_pa = np.nanmean(pressure.values) * converter(pressures[0].unit, "Pa")[0]
     area = abs(sum(levels) / 2 * converter(force.unit, "N")[0] / mean_pa) if levels is not None and mean_pa else 0.0
     if not 1e-6 < area < 1.0:
         return sign, unknown, "write the real bore"

@@ -8,7 +8,7 @@ import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from numbers import Real
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeAlias, cast
+from typing import TYPE_CHECKING, Any, TypeAlias, cast
 
 from pneudrive import units
 from pneudrive.describe.marks import Positions, Signal
@@ -70,7 +70,8 @@ def steps(command: Command, times: Sequence[float] | None = None, signal: Comman
     elif not isinstance(command, Iterable | Path):
         raise CommandError(f"the command has the type {type(command).__name__}", remedy=f"Give {FORMS}.")
     pairs: list[tuple[float, float]] = []
-    for where, pair in _lines(command) if isinstance(command, Path) else ((None, pair) for pair in command):
+    entries: Iterable[Any] = _lines(command) if isinstance(command, Path) else ((None, pair) for pair in command)
+    for where, pair in entries:
         try:
             time, value = pair
         except (TypeError, ValueError):

@@ -238,7 +238,7 @@ def _water(described: DriveOrCircuit, columns: Keyed, places: list[GasVolume]) -
 def water_share(drive: DriveOrCircuit) -> float | None:
     """Return the molar fraction of water vapour in the gas. None without a dew point."""
     pressure, dew = drive.dew_point_pressure_pa, drive.gas.dew_point_k
-    return None if pressure is None or dew is None else saturation_pressure(dew) / pressure
+    return None if pressure is None or dew is None else float(saturation_pressure(dew)) / pressure
 
 
 def _when(time_s: float, pressure_pa: float) -> str:
@@ -283,7 +283,7 @@ class ExhaustAir:
         Gas with this dew point at `supply_pa` is saturated over ice at `ambient_pa` and `mean_k`, or at 0 degC if
         `mean_k` is higher. Both pressures are absolute.
         """
-        return dew_point(saturation_pressure(min(self.mean_k, ZERO_CELSIUS_K)) * supply_pa / ambient_pa)
+        return dew_point(float(saturation_pressure(min(self.mean_k, ZERO_CELSIUS_K))) * supply_pa / ambient_pa)
 
 
 def exhaust_air(columns: Keyed, ambient_pa: float) -> ExhaustAir | None:

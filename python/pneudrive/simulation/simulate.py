@@ -301,7 +301,7 @@ def whole_number(name: str, given: object, low: int = 1, high: int = MOST_WHOLE)
     rule = f"a whole number, {low} to {high}"
     if not isinstance(given, Integral) or isinstance(given, bool):
         raise CommandError(f"{name} = {given!r} is not a whole number", rule=rule)
-    if not low <= given <= high:
+    if not low <= int(given) <= high:
         raise CommandError(f"{name} = {given} is out of bounds", rule=rule)
     return int(given)
 

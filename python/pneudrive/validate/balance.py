@@ -210,7 +210,7 @@ class Signals:
     def smooth(self, values: Array, order: int = 0, half: int | None = None) -> Array:
         """Return values smoothed by local cubics, or the time derivative of this order. It is NaN near NaN values."""
         width = min(2 * (half or self.half) + 1, (values.size - 1) // 2 * 2 - 1)
-        return savgol_filter(values, width, 3, deriv=order, delta=self.step_s)
+        return np.asarray(savgol_filter(values, width, 3, deriv=order, delta=self.step_s), dtype=float)
 
     @cached_property
     def velocity_unsure_m_s(self) -> Array:

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.signal import lfilter
 
-from pneudrive.arrays import Array, Plain, Row, by_name
+from pneudrive.arrays import Array, Interval, Plain, Row, by_name
 from pneudrive.constants import LEAK_CRITICAL_RATIO
 from pneudrive.describe.drive import Drive
 from pneudrive.errors import package_table
@@ -57,7 +57,7 @@ class Cause:
         Scene -> columns, for a cause with several coefficients.
     parts : int
         Number of coefficients. A cause with more coefficients explains more of the residual by chance.
-    bounds : sequence of float
+    bounds : pair of float
         Smallest and largest amount that a description allows.
     described : bool
         Whether a drive file or the sensor data can describe the cause.
@@ -75,7 +75,7 @@ class Cause:
     ratio: Callable[[Scene], tuple[Array, float]] | None = None
     profile: Callable[[Scene], list[Array]] | None = None
     parts: int = 1
-    bounds: Sequence[float] = (-np.inf, np.inf)
+    bounds: Interval = (-np.inf, np.inf)
     described: bool = True
     free: Sequence[str] = ()
 
@@ -279,7 +279,7 @@ def _sag(lag_s: float) -> Change:
         before, after = scene.terms, _supply(scene, -step).terms
         drawn = np.maximum(before["mass_flow_a_kg_s"], 0.0) + np.maximum(before["mass_flow_b_kg_s"], 0.0)
         decay = np.exp(-scene.signals.step_s / lag_s) if lag_s else 0.0
-        drawn = lfilter([1.0 - decay], [1.0, -decay], drawn)
+        drawn = np.asarray(lfilter([1.0 - decay], [1.0, -decay], drawn))
         fall, k0 = amount * drawn / max(drawn.max(), 1e-30), scene.kernel[0]
         a, b = (np.convolve(fall * (after[rate] - before[rate]) / step, k0, "valid") for rate in RATES)
         return scene.less(np.stack([np.zeros_like(a), a, b]))

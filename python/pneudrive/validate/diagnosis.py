@@ -185,7 +185,7 @@ class _Fit:
         left: Array,
     ) -> _Fit:
         """Return the fit of one cause to a residual."""
-        share = 1.0 - after @ after / (left @ left)
+        share = 1.0 - float(after @ after / (left @ left))
         return cls([cause], np.array([amount]), column[None], after, share)
 
     @property
@@ -271,7 +271,7 @@ class _Regression:
     def stderr(self, fit: _Fit) -> float:
         """Estimate the standard error of an amount with scores summed over blocks."""
         score = np.bincount(self.blocks, weights=fit.column * fit.after)
-        power = fit.column @ fit.column
+        power = float(fit.column @ fit.column)
         if power == 0.0:
             return np.inf
         blocks = max(int(np.unique(self.blocks).size), 2)
@@ -303,7 +303,7 @@ class _Regression:
                 linear += self.profile(cause)
             elif cause.key in columns:
                 column = columns[cause.key]
-                amount = np.clip((column @ self.left) / (column @ column), *cause.bounds)
+                amount = float(np.clip((column @ self.left) / (column @ column), *cause.bounds))
                 linear.append(_Fit.single(cause, amount, column, self.left - amount * column, self.left))
         linear.sort(key=lambda fit: -fit.share)
         refined = [fit if fit.cause.profile else self.newton(fit.causes, fit.amounts) for fit in linear[:REFINED]]
@@ -356,7 +356,7 @@ class _Regression:
                 continue
             matrix = np.column_stack(columns)
             size = np.maximum(np.linalg.norm(matrix, axis=0), 1e-300)
-            share = 1.0 - here @ here / (self.left @ self.left)
+            share = 1.0 - float(here @ here / (self.left @ self.left))
             if best.after is self.left or share > best.share:
                 # The pseudo-inverse's rows are the columns without the part that the others can replace.
                 rows = np.linalg.pinv(matrix / size, rcond=1e-6) / size[:, None]
@@ -374,7 +374,7 @@ class _Regression:
         columns = np.column_stack([self.stacked(own[k] for own in shapes) for k in range(cause.parts)])
         weights = np.linalg.lstsq(columns, self.left, rcond=None)[0]
         over_stroke = np.polynomial.legendre.legval(np.linspace(-1.0, 1.0, 101), weights)
-        amount = 0.5 * np.ptp(over_stroke)
+        amount = 0.5 * float(np.ptp(over_stroke))
         if amount == 0.0:
             return []
         effect = columns @ weights
@@ -423,7 +423,7 @@ class _Regression:
                 inside = ratio[scene.half : ratio.size - scene.half]
                 factors.append(np.stack([_flow(inside, critical) / np.maximum(_flow(inside, usual), LEAST_FLOW)] * 3))
             column = fit.column * self.stacked(factors, weighted=False)
-            amounts.append(column @ target / (column @ column))
+            amounts.append(float(column @ target / (column @ column)))
             rest = target - amounts[-1] * column
             sizes.append(rest @ rest)
         best = min(sizes)
@@ -467,7 +467,7 @@ def diagnose(
             culprits += [model.culprit(fit) for fit in own if model.is_shown(fit)]
         model.scenes = model.changed(fits[0].causes, fits[0].amounts)
         model.left = model.stacked(scene.residuals for scene in model.scenes)
-    remains = model.left @ model.left / (first @ first) if first.any() else 0.0
+    remains = float(model.left @ model.left / (first @ first)) if first.any() else 0.0
     return Diagnosis(model.sizes(first), tuple(culprits), remains)
 
 

@@ -361,9 +361,9 @@ class _Sliding:
     def closed(self, recording: Recording) -> tuple[Array, Array, float]:
         """Return the coefficients of friction, the residual, and the mean power of friction, positive if it brakes."""
         balance = recording.balance_n()[self.use]
-        found = np.linalg.lstsq(self.base, balance, rcond=None)[0]
+        found = np.asarray(np.linalg.lstsq(self.base, balance, rcond=None)[0], dtype=float)
         friction = self.base @ found
-        return found, balance - friction, np.mean(friction * self.speed)
+        return found, balance - friction, float(np.mean(friction * self.speed))
 
 
 def _doubts(recording: Recording, sliding: _Sliding, share: float, *, brakes: bool) -> list[str]:
