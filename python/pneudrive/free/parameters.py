@@ -333,16 +333,12 @@ class DriveFamily:
 
     def _place(self, path: str) -> tuple[Plain, str]:
         """Return the table of the form that contains the number at a path, and the key of the number."""
-        own, _, key = path.partition(".")
+        own, *names, key = path.split(".")
         component = next((one for one in self._form["components"] if one["name"] == own), None)
-        if component is None:
-            return self._form[own], key
-        if not key.startswith("friction."):
-            return component["numbers"], key
-        *tables, key = key.split(".")
-        for table in tables:
-            component = component[table]
-        return component, key
+        table = self._form[own] if component is None else component
+        for name in names or ([] if component is None else ["numbers"]):
+            table = table[name]
+        return table, key
 
     @property
     def exact(self) -> list[str]:
@@ -354,15 +350,16 @@ class DriveFamily:
         table, key = self._place(path)
         return float(table[key])
 
-    def _put(self, path: str, value: float) -> None:
+    def put(self, path: str, value: float) -> None:
+        """Set the number at a path."""
         table, key = self._place(path)
         table[key] = float(value)
 
     def _set(self, values: Array) -> None:
         for path, value in zip(self.paths, values, strict=False):
-            self._put(path, value)
+            self.put(path, value)
         for one in self.moving:
-            self._put(one.path, one.value(*map(self.get, one.sources)))
+            self.put(one.path, one.value(*map(self.get, one.sources)))
 
     def json(self, values: Array) -> str:
         """Return the core's form as JSON, for given values of the free numbers."""
@@ -374,7 +371,7 @@ class DriveFamily:
         self._set(values)
         rounded = [one for one in self.moving if one.digits is not None]
         for one in rounded:
-            self._put(one.path, float(f"{self.get(one.path):.{one.digits}g}"))
+            self.put(one.path, float(f"{self.get(one.path):.{one.digits}g}"))
         self.settled += rounded
         self.moving = [one for one in self.moving if one not in rounded]
         self.paths = [*self.paths[: self.size], *(one.path for one in self.moving)]

@@ -173,8 +173,10 @@ class FitFile(_Table):
         ------
         FitError
             A key is missing, or its value has another type.
+        KeyError
+            The first table of values is missing.
         """
-        values = [content.get(group, {} if group != groups[0] else _MISSING) for group in groups]
+        values = [content[groups[0]], *(content.get(group, {}) for group in groups[1:])]
         try:
             return cls.model_validate({**content, "groups": values, "content": content})
         except ValidationError as error:
@@ -183,14 +185,10 @@ class FitFile(_Table):
             of_values = problem["loc"][0] == "groups"
             parts = (groups[int(problem["loc"][1])], *problem["loc"][2:]) if of_values else problem["loc"]
             name = ".".join(str(part) for part in parts if part not in ("_Recording", "Undetermined", "str"))
-            is_missing = problem.get("input") is _MISSING
-            rule = "is missing" if is_missing else _RULES.get(str(problem["type"]), str(problem["msg"]))
+            rule = _RULES.get(str(problem["type"]), str(problem["msg"]))
             if line := toml.line_of(text, name):
                 where = f"{where}:{line}"
             raise FitError.of("identify.incomplete", where=where, title=title, what=f"{name} {rule}") from None
-
-
-_MISSING = object()
 
 
 SCHEMA = 1
@@ -415,13 +413,9 @@ class Fit(Viewed):
         FitError
             The fit has no friction, or no range of measured speeds.
         """
-        gauges = {"gauge_a_pa": gauge_a_pa, "gauge_b_pa": gauge_b_pa}
-        for name, gauge_pa in gauges.items():
-            measured = self.provenance.get(name)
-            if gauge_pa is None and isinstance(measured, (list, tuple)):
-                gauges[name] = 0.5 * (float(measured[0]) + float(measured[1]))
-        a, b = (gauge_pa or 0.0 for gauge_pa in gauges.values())
-        return self._curve(speeds_m_s or self.provenance.get("speed_m_s"), (a, b))
+        a, b = (float(np.mean(self.provenance.get(f"gauge_{side}_pa", 0.0))) for side in "ab")
+        gauges_pa = a if gauge_a_pa is None else gauge_a_pa, b if gauge_b_pa is None else gauge_b_pa
+        return self._curve(speeds_m_s or self.provenance.get("speed_m_s"), gauges_pa)
 
     def _curve(self, speeds_m_s: Any, gauges_pa: Pair) -> SlidingCurve:  # noqa: ANN401 - checked below
         """Return the curve between two speeds at the gauge pressures of the chambers."""

@@ -17,10 +17,9 @@ from pneudrive.estimate.estimates import rms, student
 from pneudrive.friction.characterisation import MINIMUM_RANGE_PA
 from pneudrive.identify.identified import sentence
 from pneudrive.identify.static import model as sliding
-from pneudrive.identify.static.diagnose import choose_model, with_knee
-from pneudrive.identify.static.fit import assembled, fit_values
+from pneudrive.identify.static.fit import assembled, choose_model, fit_values
 from pneudrive.identify.static.result import FrictionFit
-from pneudrive.identify.static.robust import estimated
+from pneudrive.identify.static.robust import estimated, with_knee
 from pneudrive.identify.static.survey import SPEED_SPAN, of_values, pressure_levels, row_labels
 from pneudrive.progress import Flag, Watch
 from pneudrive.repr_tables import Shown
@@ -170,12 +169,12 @@ def select_friction_law(
             raise FitError(f"the law {name!r} cannot be compared", remedy=nearest(name, sliding.NAMES))
     friction_map = sliding.map_of(friction_map)
     data, notes, selected = sliding.selected(friction_map, exclude_flags=exclude_flags)
-    forms = _forms(data, pressure)
+    forms, levels = _forms(data, pressure), pressure_levels(data)
     if hold_out is None:
-        hold_out = "pressure" if pressure_levels(data).max() >= 2 else "speed"
+        hold_out = "pressure" if levels.max() >= 2 else "speed"
     held_out = hold_out if isinstance(hold_out, str) else "label"
     if hold_out == "pressure":
-        folds = pressure_levels(data)
+        folds = levels
     elif hold_out == "speed":
         folds = np.searchsorted([high for _, high in distinct_levels(data.speed_m_s)], data.speed_m_s)
     else:
@@ -348,12 +347,15 @@ class Prior(Shown):
         Information matrix of the coordinates from earlier measurements; zero without measurements.
     values : int
         Number of measured values.
+    noise_n : float
+        Standard deviation of a further measured value, N; NaN if unknown.
     """
 
     model: sliding.FrictionModel
     draws: Array
     known: Array
     values: int = 0
+    noise_n: float = np.nan
 
     @classmethod
     def of_fit(cls, fit: FrictionFit) -> Prior:
@@ -378,7 +380,8 @@ class Prior(Shown):
             if name in ("coulomb", "viscous"):  # positive, as in a fit
                 points[:, k] = np.maximum(points[:, k], 0.05 * abs(points[0, k]))
         values = int(fit.statistics["values"])
-        return cls(fit.model, points, np.broadcast_to(known, (DRAWS, *known.shape)).copy(), values)
+        noise_n = fit.statistics.get("noise_n", fit.statistics["rms_n"])  # older files lack the noise
+        return cls(fit.model, points, np.broadcast_to(known, (DRAWS, *known.shape)).copy(), values, noise_n)
 
     def with_separate_slopes(self) -> Prior:
         """Return the prior with separate slopes instead of one slope for both chambers. Only their mean is known."""
@@ -386,7 +389,7 @@ class Prior(Shown):
         source = [shared.index(name if name in shared else f"{name[:-1]}ab") for name in separate.names]
         mean = np.eye(len(shared))[:, source]
         mean /= mean.sum(axis=1, keepdims=True)
-        return Prior(separate, self.draws[:, source], mean.T @ self.known @ mean, self.values)
+        return replace(self, model=separate, draws=self.draws[:, source], known=mean.T @ self.known @ mean)
 
 
 @dataclass(frozen=True)
@@ -532,7 +535,7 @@ def next_measurements(
     if prior.model.chambers == ("ab",) and any(a != b for a, b in limits.gauges_pa):
         prior = prior.with_separate_slopes()
         now = dict.fromkeys(prior.model.names, np.inf) | now
-    noise = _noise(source) if noise_n is None else noise_n
+    noise = prior.noise_n if noise_n is None else noise_n
     low, high = limits.speed_m_s
     if not 0.0 < low < high:
         raise FitError(
@@ -569,13 +572,6 @@ def next_measurements(
         _half_widths(prior, information(candidates, counts), prior.values + chosen.size),
         float(cost @ counts),
     )
-
-
-def _noise(source: FrictionFit | Prior) -> float:
-    """Return the standard deviation of a further measured value in N, from the fit."""
-    if isinstance(source, Prior):
-        return np.nan
-    return source.statistics.get("noise_n", source.statistics["rms_n"])  # older files lack the noise
 
 
 def _grid(limits: Limits, count: int = SPEEDS) -> sliding.Observations:

@@ -23,7 +23,7 @@ from pneudrive.simulation.trajectory import meaning
 from pneudrive.units import readable
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
+    from collections.abc import Iterable, Mapping, Sequence
 
     from pneudrive.arrays import Array, Interval, Keyed, NamedNumbers, Plain
 
@@ -86,12 +86,11 @@ def comparison_figure(every: Mapping[str, FittedData]) -> Figure:
     """Draw a row for each pair: measured and modelled values, and their difference."""
     panels = []
     for name in list(every)[thin(every, MOST_ROWS)]:
-        data, is_line = every[name], every[name].at.size > MANY
-        part, x = thin(data.at), AXES.get(data.x, data.x)
+        data = every[name]
         column, si_unit, _ = meaning(data.y)
-        unit = readable(si_unit)[1]
-        at, measured, model = (values[part] if is_line else values for values in (data.at, data.measured, data.model))
-        if is_line:
+        unit, x = readable(si_unit)[1], AXES.get(data.x, data.x)
+        at, measured, model = (values[thin(data.at)] for values in (data.at, data.measured, data.model))
+        if data.at.size > MANY:
             marks: list[Mark] = [Line(at, measured, "measured"), Line(at, model, "model", MODEL)]
             gap: Mark = Line(at, measured - model, look=RESIDUAL, width=0.6)
         else:
@@ -233,10 +232,8 @@ def apply_identified(
     after = drive.replace(changes)
     marks = provenance.marks(after)
     origins = found.origins(marks)
-    values = {name: value for name, (value, *_) in modifiers.intervals.items()}
     inside = {name: (low, high) for name, (_, low, high) in modifiers.intervals.items() if name in marks}
-    measured = replace(found, values=values, intervals=inside, recordings=(modifiers.source,))
-    origins |= measured.origins(marks)
+    origins |= replace(found, intervals=inside, recordings=(modifiers.source,)).origins(marks)
     origins = {name: origin for name, origin in origins.items() if name not in own}
     return after.replace({"provenance": origins}).read_from(found.file)
 
@@ -366,7 +363,7 @@ class Dependences:
     ----------
     source : str
         Name of the campaign.
-    notes : tuple of str
+    notes : sequence of str
         Measured effects that a drive cannot represent, each with the reason; and assumptions.
     sliding : dict
         ``coulomb`` and ``breakaway`` -> force in N from the age of a sliding contact. Both a measured sliding law and
@@ -378,16 +375,10 @@ class Dependences:
     """
 
     source: str = ""
-    notes: tuple[str, ...] = ()
+    notes: Sequence[str] = ()
     sliding: NamedNumbers = field(default_factory=dict)
     intervals: dict[str, list[float]] = field(default_factory=dict)
     friction: dict[str, Plain] = field(default_factory=dict)
-
-    @classmethod
-    def of_table(cls, content: Plain) -> Dependences:
-        """Return the modifiers from a table of fit.toml."""
-        known: Plain = {**content, "notes": tuple(content.get("notes", ()))}
-        return cls(**known)
 
     def without(self, key: str) -> Dependences:
         """Return the modifiers without the one under this key."""

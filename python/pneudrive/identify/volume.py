@@ -101,9 +101,7 @@ class VolumeFit(Fit, kind="volume"):
         start = self.start if tank is None else tank
         if start is None:
             raise FitError("the file of this fit has no tank", remedy="Fit again.")
-        if self.determined:
-            kept = set(self.free) - {*self.determined}
-            warn_of_mixture(self.notes, kept, same_start=tank is None or tank == self.start)
+        warn_of_mixture(self, tank)
         marks = provenance.marks(start)
         return start.replace({name: written_as(self.values[name], marks.get(name)) for name in self.determined})
 
@@ -246,9 +244,9 @@ class TankFamily(DriveFamily):
         self._command = None if line is None else "line.opening"
         inlet = "volume" if tank.tube is None else "line.2"
         self._columns = {"pressure_pa": "volume.pressure_pa", "inlet_pressure_pa": f"{inlet}.pressure_pa"}
-        for table, key in map(self._place, self.paths):
-            if table[key] <= 0.0:
-                table[key] = 1e-2
+        for path in self.paths:
+            if self.get(path) <= 0.0:
+                self.put(path, 1e-2)
 
     def shoot(self, core: Any, asked: Any, look: Any) -> Any:  # noqa: ANN401 - the core's
         """Run segments under the opening of the line. A start consists of pressure and temperature of the volume."""
@@ -470,11 +468,13 @@ class Regulator(Described):
         """Read a regulator from a TOML file."""
         return toml.load(cls.model_validate, path)
 
-    def start(self, ambient_pa: float) -> Array:
-        """Return the start point of the search: gain, offset, and logarithms of both lags."""
-        table = self.regulator
-        full = table.full_pressure.absolute_pa(ambient_pa)
-        zero = ambient_pa if table.zero_pressure is None else table.zero_pressure.absolute_pa(ambient_pa)
+    @property
+    def start(self) -> Array:
+        """Start point of the search: gain, offset, and logarithms of both lags."""
+        table, zero = self.regulator, STANDARD_ATMOSPHERE_PA
+        full = table.full_pressure.absolute_pa(STANDARD_ATMOSPHERE_PA)
+        if table.zero_pressure is not None:
+            zero = table.zero_pressure.absolute_pa(STANDARD_ATMOSPHERE_PA)
         return REGULATOR_SCALES.internal([full - zero, zero, table.lag_s, table.lag_s])
 
 
@@ -556,7 +556,7 @@ def identify_regulator(
     idle = [r.name for r in records if np.ptp(r.opening) == 0.0]
     if idle:
         raise FitError("the command does not change", value=", ".join(idle), remedy="record steps of the command")
-    start = described.start(STANDARD_ATMOSPHERE_PA)
+    start = described.start
     best, lost, spread = _fit(records, start), [], {}
     values = _named(best.x)
     span = float(np.mean([np.ptp(r.pressure_pa) for r in records]))
@@ -575,13 +575,12 @@ def identify_regulator(
     held = least_squares(lambda lags: _residual(np.r_[start[:2], lags], records), best.x[2:])
     rests = {"rms": best.fun, "held": held.fun}
     if len(records) > 1:
-        others = ([other for other in records if other is not r] for r in records)
-        predicted = [_residual(_fit(rest, best.x).x, [r]) for rest, r in zip(others, records, strict=True)]
+        predicted = [_residual(_fit([other for other in records if other is not r], best.x).x, [r]) for r in records]
         rests["predicted"] = np.concatenate(predicted)
-        each = {name: [run[name] for run in runs.values()] for name in values}
-        spread = {name: float(np.std(each[name], ddof=1) / abs(value)) for name, value in values.items()}
-    turned = ((name, 100 * value) for name, value in spread.items() if value > TURNED)
-    lost += [sentence("regulator", "turned", name=name, percent=percent) for name, percent in turned]
+        for name, value in values.items():
+            spread[name] = float(np.std([run[name] for run in runs.values()], ddof=1) / abs(value))
+            if spread[name] > TURNED:
+                lost.append(sentence("regulator", "turned", name=name, percent=100 * spread[name]))
     statistics = {key: 1e5 * rms(rest) / span for key, rest in rests.items()}
     statistics |= {"correlation": correlation, "least_dead_time_s": least_s, "largest_dead_time_s": largest_s}
     return RegulatorFit(

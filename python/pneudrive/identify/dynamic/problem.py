@@ -11,6 +11,7 @@ import numpy as np
 from pneudrive.arrays import Array, ArrayPair, Bools, Ints, NamedNumbers
 from pneudrive.describe import Circuit, Drive
 from pneudrive.errors import FitError
+from pneudrive.estimate.estimates import rms
 from pneudrive.free.parameters import COMMAND_STEPS, DriveFamily, Parameter, at_rest
 from pneudrive.identify.dynamic.sensors import Channel, SensorParameter, lagged
 from pneudrive.identify.identified import stated
@@ -310,14 +311,11 @@ class FitProblem:
 
     def rms(self, residuals: list[Array]) -> NamedNumbers:
         """Return the root mean square of each channel's residuals, in SI."""
-        power: NamedNumbers = {}
-        count: NamedNumbers = {}
-        for experiment, residual in zip(self.experiments, residuals, strict=True):
-            for c, channel in enumerate(experiment.channels):
-                own = np.sum((residual[:, c] * experiment.noise[c]) ** 2)
-                power[channel.name] = power.get(channel.name, 0.0) + own
-                count[channel.name] = count.get(channel.name, 0.0) + float(experiment.weight[:, c].sum())
-        return {name: float(np.sqrt(power[name] / max(count[name], 1.0))) for name in power}
+        parts: dict[str, list[Array]] = {}
+        for i, c, residual in self.valid(residuals):
+            experiment = self.experiments[i]
+            parts.setdefault(experiment.channels[c].name, []).append(residual * experiment.noise[c])
+        return {name: rms(np.concatenate(own)) for name, own in parts.items()}
 
     def valid(self, residuals: list[Array]) -> Iterator[tuple[int, int, Array]]:
         """Yield recording, channel and the residuals of its measured samples."""
@@ -414,16 +412,6 @@ class FitProblem:
         return residual, slopes * weight[:, :, None]
 
 
-POSITION, VELOCITY, PRESSURE_A, TEMPERATURE_A, PRESSURE_B, TEMPERATURE_B = range(6)
-#: Columns of a start that are measured channels.
-_MEASURED = {
-    "position": POSITION,
-    "velocity": VELOCITY,
-    "pressure_a": PRESSURE_A,
-    "temperature_a": TEMPERATURE_A,
-    "pressure_b": PRESSURE_B,
-    "temperature_b": TEMPERATURE_B,
-}
 #: Half widths of windows for parabolas, s.
 WINDOW_S = 0.01
 LEAST_HALF_WIDTH = 3  # samples
@@ -435,71 +423,59 @@ _LEAST_SAMPLES = 4
 _AT_ONCE = 1_000_000
 #: Number of runs until unmeasured states have settled. Each run starts from the end states of the previous one.
 ROUNDS = 3
-#: Prior standard deviations of a start state: position, velocity, pressure, temperature, pressure, temperature. Gas
-#: that was compressed or expanded before the recording is within tens of kelvin of the wall temperature (assumed).
-BELIEF = np.array([1e-2, 0.2, 5e4, 20.0, 5e4, 20.0])
+#: Quantity in the name of a start state -> its prior standard deviation, and its typical size, which scales the gaps
+#: between segments. Gas that was compressed or expanded before the recording is within tens of kelvin of the wall
+#: temperature (assumed).
+USUAL = {"position": (1e-2, 1e-3), "velocity": (0.2, 1e-2), "pressure": (5e4, 1e4), "temperature": (20.0, 10.0)}
 #: Bounds of unmeasured states, as a multiple of the prior standard deviation.
 POSSIBLE = 4.0
 #: States that grow throughout a recording, so that short segments do not limit their range.
 GROWING = ("contact_age_s", "sliding_distance_m", "contact_warming_k")
 #: Lower bound of pressure and temperature in a tube, as a fraction of the lowest simulated values.
 LEAST_SHARE = 0.2
-#: Suffixes of the gas states of a tube.
-_PRESSURE, _TEMPERATURE = ".pressure_pa", ".temperature_k"
 #: Unusual pressures of chambers a and b, Pa, as markers: gas that gets one of them by default starts like this chamber.
 DISTINCT_PA = (110001.0, 130003.0)
-#: Typical sizes of states, in the same order, to scale the gaps between segments.
-SIZE = np.array([1e-3, 1e-2, 1e4, 10.0, 1e4, 10.0])
 
 
-def measured_starts(experiment: FittedRecording, drive: Drive | Circuit, inner: list[str]) -> Array:
+def measured_starts(experiment: FittedRecording, drive: Drive | Circuit, names: list[str]) -> Array:
     """Return the starts of the segments from smoothed signals, and set the mask of unmeasured states.
 
-    Unmeasured states have the values of a drive at rest.
+    Unmeasured states have the values of a drive at rest: states of friction are zero, and gas of tubes has the pressure
+    of its chamber.
 
     Parameters
     ----------
     experiment : FittedRecording
         Recording in k segments.
     drive : Drive or Circuit
-    inner : list of str
-        Further states: those of friction start at zero, gas of tubes at the pressure of its chamber.
+    names : list of str
+        Names of the s states.
 
     Returns
     -------
-    ndarray, shape (k, 6 + inner)
+    ndarray, shape (k, s)
     """
-    ambient, piston = drive.ambient, experiment.family.piston
-    recording, starts = experiment.recording, experiment.starts
-    middle, gas = 0.5 * experiment.family.get(f"{piston}.stroke"), (ambient.pressure_pa, ambient.temperature_k)
-    state = np.tile(np.r_[middle, 0.0, gas, gas, np.zeros(len(inner))], (starts.size, 1))
-    hidden = experiment.hidden = np.ones(state.shape[1], dtype=bool)
-    for channel, white in zip(experiment.channels, experiment.noise, strict=True):
-        column = _MEASURED.get(channel.name)
-        if column is None:
+    recording, starts, ambient = experiment.recording, experiment.starts, drive.ambient
+    piston, measured = experiment.family.piston, dict[str, Array]()
+    for channel, noise in zip(experiment.channels, experiment.noise.tolist(), strict=True):
+        if channel.column not in names:
             continue
         values = (recording[channel.column] - channel.offset) / channel.gain
-        state[:, column], slope = _smoothed(recording.time_s, values, starts, float(white), experiment.watch)
-        hidden[column] = False
+        measured[channel.column], slope = _smoothed(recording.time_s, values, starts, noise, experiment.watch)
         if channel.name == "position" and "velocity_m_s" not in recording:
-            state[:, VELOCITY], hidden[VELOCITY] = slope, False
-    for column in (PRESSURE_A, PRESSURE_B):
-        state[:, column] = np.maximum(state[:, column], 0.1 * ambient.pressure_pa)
-    chambers = (state[:, PRESSURE_A], state[:, PRESSURE_B])
-    start: NamedNumbers = {}
+            measured["velocity_m_s"] = slope
+    experiment.hidden = np.array([name not in measured for name in names])
+    pressures = (measured.get(f"pressure_{side}_pa", ambient.pressure_pa) for side in "ab")
+    a, b = chambers = [np.maximum(pressure, 0.1 * ambient.pressure_pa) for pressure in pressures]
+    state = {name: at_rest(name, (a, b), ambient.temperature_k) for name in names}
     if isinstance(drive, Circuit):
-        a, b = DISTINCT_PA
-        distinct = {f"{piston}.a": f"{a} Pa abs", f"{piston}.b": f"{b} Pa abs"}
-        start = drive.core_initial(distinct)
-    for column, name in enumerate(inner, start=BELIEF.size):
-        value = start.get(name)
-        if value is None:
-            state[:, column] = at_rest(name, chambers, ambient.temperature_k)
-        elif value in DISTINCT_PA:
-            state[:, column] = chambers[DISTINCT_PA.index(value)]
-        else:
-            state[:, column] = value
-    return state
+        distinct = {f"{piston}.{side}": f"{value} Pa abs" for side, value in zip("ab", DISTINCT_PA, strict=True)}
+        for name, value in drive.core_initial(distinct).items():
+            state[name] = chambers[DISTINCT_PA.index(value)] if value in DISTINCT_PA else value
+    state["position_m"] = 0.5 * experiment.family.get(f"{piston}.stroke")
+    state |= dict.fromkeys(("temperature_a_k", "temperature_b_k"), ambient.temperature_k)
+    state |= measured | {"pressure_a_pa": a, "pressure_b_pa": b}
+    return np.column_stack([np.broadcast_to(state[name], starts.size) for name in names])
 
 
 def start_states(experiment: FittedRecording, drive: Drive | Circuit, values: Array) -> Array:
@@ -508,36 +484,26 @@ def start_states(experiment: FittedRecording, drive: Drive | Circuit, values: Ar
     Unmeasured states come from the model: gas temperatures, bristles, gas of tubes. All segments are run repeatedly,
     and each takes unmeasured states from the end of the previous segment. A wrong guess decays after a few rounds.
     """
-    names = experiment.family.core(values).segment_names[6:]  # states of friction, gas of tubes
-    state = measured_starts(experiment, drive, names)
+    names = experiment.family.core(values).segment_names
+    state, most = measured_starts(experiment, drive, names), np.zeros(len(names))
     hidden = np.flatnonzero(experiment.hidden)
-    inner = state.shape[1] - BELIEF.size
-    most = np.zeros(inner)
     for _ in range(ROUNDS):
         shot = experiment.run(values, state, derivatives=False)
         good = [j for j in range(len(state) - 1) if j not in shot.failures]
         for j in good:
             state[j + 1, hidden] = shot.ends[j, hidden]
         ends = np.delete(shot.ends, list(shot.failures), axis=0)
-        if inner and ends.size:
-            most = np.maximum(most, np.abs(ends[:, BELIEF.size :]).max(axis=0))
-    most = np.where(most > 0.0, most, 1e-6)
-    size = 0.1 * most
-    for i, name in enumerate(names):  # gas of tubes
-        if name.endswith((_PRESSURE, _TEMPERATURE)):
-            of = PRESSURE_A if name.endswith(_PRESSURE) else TEMPERATURE_A
-            most[i], size[i] = BELIEF[of], SIZE[of]
+        most = np.maximum(most, np.abs(ends).max(axis=0, initial=0.0))
+    kinds = [next((kind for kind in USUAL if kind in name), name) for name in names]
     # wide also for measured columns, as the samples are more accurate than their smoothed start
-    belief = experiment.belief = np.r_[BELIEF, most]
-    experiment.size = np.r_[SIZE, size]
-    reach = np.where(experiment.hidden, POSSIBLE * belief, np.inf)
-    grows, is_gas = np.zeros(belief.size, dtype=bool), np.arange(belief.size) > VELOCITY
-    grows[BELIEF.size :] = [name in GROWING for name in names]
-    is_gas[BELIEF.size :] = [name.endswith((_PRESSURE, _TEMPERATURE)) for name in names]
-    lowest = state.min(axis=0)
+    reached = np.where(most > 0.0, most, 1e-6).tolist()
+    scales = [USUAL.get(kind, (own, 0.1 * own)) for kind, own in zip(kinds, reached, strict=True)]
+    experiment.belief, experiment.size = np.array(scales).T
+    reach = np.where(experiment.hidden, POSSIBLE * experiment.belief, np.inf)
+    is_gas, lowest = np.isin(kinds, ("pressure", "temperature")), state.min(axis=0)
     experiment.limits = (
         np.where(is_gas & experiment.hidden, np.maximum(lowest - reach, LEAST_SHARE * lowest), lowest - reach),
-        np.where(grows, np.inf, state.max(axis=0) + reach),
+        np.where(np.isin(names, GROWING), np.inf, state.max(axis=0) + reach),
     )
     return state
 

@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
@@ -140,8 +140,7 @@ class DriveFit(Fit, kind="drive"):
         """
         if not self.converged:
             warn("the search did not converge: the drive gets the best values so far, without intervals")
-        if self.determined:
-            warn_of_mixture(self.notes, set(self.values) - {*self.determined}, same_start=drive in (None, self.start))
+        warn_of_mixture(self, drive)
         return apply_identified(
             self.identified_as({n: n for n in self.determined}), self.start if drive is None else drive
         )
@@ -186,23 +185,21 @@ class DriveFit(Fit, kind="drive"):
         return lines
 
 
-def warn_of_mixture(notes: Sequence[str], kept: Collection[str], *, same_start: bool) -> None:
-    """Warn that start values are combined with fitted values; state the error of this combination if known.
+def warn_of_mixture(fit: Any, described: object) -> None:  # noqa: ANN401 - of two modules
+    """Warn that a description combines its own values with fitted values; state the error of this combination if known.
 
     Parameters
     ----------
-    notes : sequence of str
-        Notes of the fit.
-    kept : collection of str
-        Undetermined values.
-    same_start : bool
-        Whether the kept values equal the start values of the search.
+    fit : DriveFit or VolumeFit
+    described : object
+        Description that gets the fitted values; None: that with the start values of the search.
     """
-    note = next((note for note in notes if note.startswith(KEPT)), None)
-    if note is not None and same_start:
+    kept = sorted(set(fit.values).difference(fit.determined))
+    note = next((note for note in fit.notes if note.startswith(KEPT)), None)
+    if note is not None and described in (None, fit.start):
         warn(note)
-    elif kept:
-        warn(sentence("notes", "mixture", kept=", ".join(sorted(kept))))
+    elif kept and fit.determined:
+        warn(sentence("notes", "mixture", kept=", ".join(kept)))
 
 
 def applied_note(solved: Solved, kept: Collection[str]) -> list[str]:

@@ -56,16 +56,6 @@ ROUNDING = float(np.finfo(np.float64).eps)
 SHORTEST = 1e-6
 
 
-def reduced(blocks: list[ArrayPair], size: int) -> ArrayPair:
-    """Return information and gradient of the global coordinates. The start of each recording is eliminated."""
-    information, gradient = np.zeros((size, size)), np.zeros(size)
-    for n, b in blocks:
-        gain = start_solution(n, np.c_[n[size:, :size], b[size:]])
-        information += n[:size, :size] - n[:size, size:] @ gain[:, :-1]
-        gradient += b[:size] - n[:size, size:] @ gain[:, -1]
-    return 0.5 * (information + information.T), gradient
-
-
 def start_solution(information: Array, right: Array) -> Array:
     """Solve the normal equations of a recording's start, which are positive definite except for rounding errors.
 
@@ -279,9 +269,17 @@ def _shortened(
 
 
 def equations(problem: FitProblem, at: Misfit) -> ArrayPair:
-    """Return information and gradient of the global coordinates, with prior knowledge of the sensors."""
-    information, gradient = reduced(at.blocks, problem.size)
-    information += np.diag(problem.prior)
+    """Return information and gradient of the global coordinates, with prior knowledge of the sensors.
+
+    The start of each recording is eliminated.
+    """
+    size = problem.size
+    information, gradient = np.zeros((size, size)), np.zeros(size)
+    for n, b in at.blocks:
+        gain = start_solution(n, np.c_[n[size:, :size], b[size:]])
+        information += n[:size, :size] - n[:size, size:] @ gain[:, :-1]
+        gradient += b[:size] - n[:size, size:] @ gain[:, -1]
+    information = 0.5 * (information + information.T) + np.diag(problem.prior)
     gradient -= problem.prior * at.point.eta
     held = problem.held
     information[held], information[:, held], gradient[held] = 0.0, 0.0, 0.0
@@ -405,9 +403,7 @@ class Solved:
 
 def solution(problem: FitProblem, at: Misfit) -> Solved:
     """Return the end point of a search from its linearisation."""
-    matrix, _ = reduced(at.blocks, problem.size)
-    matrix += np.diag(problem.prior)
-    size = problem.size
+    size, (matrix, _) = problem.size, equations(problem, at)
     slopes = [
         jac[..., :size] - jac[..., size:] @ start_solution(n, n[size:, :size])
         for (n, _), jac in zip(at.blocks, at.slopes, strict=True)

@@ -196,12 +196,8 @@ class SensorParameter:
     unit: str
     size: float
     uncertainty: float
+    lower: float = -np.inf
     upper: float = np.inf
-
-    @property
-    def lower(self) -> float:
-        """Lower bound; only a lag has one."""
-        return 0.0 if self.kind == "lag" else -np.inf
 
 
 def sensor_parameters(
@@ -222,9 +218,10 @@ def sensor_parameters(
                 name, known = f"{channel.name}.offset{of}", channel.offset_uncertainty
                 size = known if np.isfinite(known) else 5.0 * OFFSET_SIZE[channel.unit]  # an assumption
                 out.append(SensorParameter("offset", channel.name, i, name, channel.unit, size, known))
-        for kind, unit in (("gain", "1"), ("lag", "s")):
+        for kind, unit, lower in (("gain", "1", -np.inf), ("lag", "s", 0.0)):
             if kind in channel.free:
-                out.append(SensorParameter(kind, channel.name, None, f"{channel.name}.{kind}", unit, 1.0, np.inf))
+                name = f"{channel.name}.{kind}"
+                out.append(SensorParameter(kind, channel.name, None, name, unit, 1.0, np.inf, lower))
     return out
 
 

@@ -8,13 +8,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pneudrive import __version__
 from pneudrive.arrays import Interval, NamedIntervals, NamedNumbers, Pair, Plain, by_name
 from pneudrive.constants import STANDARD_ATMOSPHERE_PA
 from pneudrive.describe.circuit import Circuit
 from pneudrive.errors import FitError, RecordingError
 from pneudrive.estimate.estimates import rms
-from pneudrive.files.inputs import INPUTS, inputs_of, origin
+from pneudrive.files.inputs import origin
 from pneudrive.identify.base import Fit, FitFile, Undetermined
 from pneudrive.identify.follow.driven import GROUPS, SIDES, UNITS, DrivenCircuit, DrivenRecording, driven_recordings
 from pneudrive.identify.follow.problem import LOCAL, FollowPoint, FollowProblem, FollowSolution, simulated, solve_follow
@@ -407,20 +406,14 @@ def _parts(solution: FollowSolution) -> dict[str, tuple[float, ...]]:
 
 def follow_record(solution: FollowSolution, at: int) -> FollowRecord:
     """Return start, delay and residuals of a recording of a solution."""
-    problem, local = solution.problem, solution.point.local[at]
-    place = len(problem.numbers) + LOCAL * at
-    half = [solution.deviation(place + i) for i in range(LOCAL)]
-    walls, record = problem.driven.wall_k, problem.records[at]
-    a, b = solution.rms(at)
-    return FollowRecord(
-        record.name,
-        (float(a), float(b)),
-        (walls["a"] + float(local[2]), half[2]),
-        (walls["b"] + float(local[3]), half[3]),
-        (float(local[4]), half[4]),
-        str(record.recording.source or ""),
-        record.recording.sha256 or "",
-    )
+    problem = solution.problem
+    recording, place = problem.records[at].recording, len(problem.numbers) + LOCAL * at
+    found = solution.point.local[at, 2:] + [*problem.driven.wall_k.values(), 0.0]
+    half = map(solution.deviation, range(place + 2, place + LOCAL))
+    a_k, b_k, delay_s = zip(found.tolist(), half, strict=True)
+    a, b = solution.rms(at).tolist()
+    file, sha256 = str(recording.source or ""), recording.sha256 or ""
+    return FollowRecord(recording.name, (a, b), a_k, b_k, delay_s, file, sha256)
 
 
 def with_values(described: Circuit, problem: FollowProblem, values: NamedNumbers) -> Circuit:
@@ -549,13 +542,13 @@ def simulate_motion(
     described = described_circuit(circuit)[0]
     driven, (record,) = DrivenCircuit(described), driven_recordings([recording], layout)
     check_readings(driven, [record])
-    provenance = {
-        "title": described.name,
-        "description_hash": described.description_hash,
-        "version": __version__,
-        "motion": record.name,
-        "motion_sha256": record.recording.sha256,
-        "assumed": described.assumed(),
-        INPUTS: inputs_of(described, [record.recording]),
-    }
+    provenance = origin(
+        described,
+        [record.recording],
+        title=described.name,
+        description_hash=described.description_hash,
+        motion=record.name,
+        motion_sha256=record.recording.sha256,
+        assumed=described.assumed(),
+    )
     return driven.trajectory(record), provenance

@@ -16,26 +16,26 @@ from typing import TYPE_CHECKING, TypeAlias
 import numpy as np
 
 from pneudrive import __version__
-from pneudrive.arrays import Array, Interval, NamedIntervals, by_name
+from pneudrive.arrays import Array, Interval, NamedIntervals, Plain, by_name
 from pneudrive.errors import FitError, nearest
-from pneudrive.estimate.autocorrelation import distinct_levels, weak_coordinates
-from pneudrive.estimate.estimates import changed, intervals, profile_interval, student
+from pneudrive.estimate.autocorrelation import distinct_levels, projection, weak_coordinates
+from pneudrive.estimate.estimates import CHANCE, changed, intervals, profile_interval, student
 from pneudrive.friction.characterisation import CONFOUNDED, MINIMUM_RANGE_PA
 from pneudrive.friction.friction_map import ALL_RECORDINGS, assemblies_of
-from pneudrive.identify.identified import sentence
-from pneudrive.identify.static import diagnose as selection
+from pneudrive.identify.base import Undetermined
+from pneudrive.identify.identified import sentence, stated
 from pneudrive.identify.static import model as sliding
+from pneudrive.identify.static import robust
 from pneudrive.identify.static.result import LAWS, FrictionFit, LawFit
-from pneudrive.identify.static.robust import RobustEstimate, estimate, estimated
+from pneudrive.numbers import plain
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Mapping, Sequence
+    from collections.abc import Collection, Iterable, Sequence
 
     import xarray as xr
 
     from pneudrive.describe.tables.friction import Friction
     from pneudrive.friction.characterisation import Characterisation
-    from pneudrive.identify.base import Undetermined
 
 
 #: Group -> law -> fit.
@@ -109,13 +109,183 @@ def fit_friction(
     return fit_values(wanted, data, pressure=form, notes=notes, options=options)
 
 
+# --- Model selection: the part of a law that a friction map supports, and statements on the unsupported parts.
+
+#: Difference below which gauge pressures count as one level, Pa: about 0.5 % of a 10 bar transducer.
+SAME_PRESSURE_PA = 5e3
+#: Multiple of vs below which a speed level is needed. The tail of the Stribeck curve alone (at 2 vs, exp(-4) = 2 % of
+#: the excess) does not separate Fs and vs.
+TAIL = 2.0
+#: Multiple of vs above which a speed level is needed, to reach the plateau Fc + Fv v. 2.8 vs is the support point of
+#: the optimal design with four speeds.
+PLATEAU = 2.8
+#: Half width of the viscous part's interval, as a fraction of friction, above which this part cannot be distinguished
+#: from the Coulomb force.
+VISCOUS_REACH = 0.5
+#: Largest number of speeds in a sentence.
+MOST_SPEEDS = 6
+
+
+def _lost(names: Iterable[str], what: str, **values: object) -> list[Undetermined]:
+    """Return the reason and remedy of each undetermined parameter."""
+    return [Undetermined(name, **stated("friction_map", what, **values)) for name in names]
+
+
+def _mm_s(speed: float) -> str:
+    return f"{1e3 * speed:.3g} mm/s"
+
+
+def _span(data: sliding.Observations) -> dict[str, str]:
+    """Return the slowest and the fastest level as text."""
+    return {"slowest": _mm_s(float(data.speed_m_s.min())), "fastest": _mm_s(float(data.speed_m_s.max()))}
+
+
+def _listed(levels: list[Interval]) -> str:
+    """Return the first six distinct speed levels as text."""
+    shown = [
+        _mm_s(low) if _mm_s(low) == _mm_s(high) else f"{1e3 * low:.3g} to {_mm_s(high)}"
+        for low, high in levels[:MOST_SPEEDS]
+    ]
+    return ", ".join(shown) + (", ..." if len(levels) > MOST_SPEEDS else "")
+
+
+def choose_model(
+    wanted: sliding.FrictionModel, data: sliding.Observations, *, pressure: str | None
+) -> tuple[sliding.FrictionModel, list[Undetermined]]:
+    """Return the largest part of the law with enough rows for its parameters, and statements on the omitted parts.
+
+    Parameters
+    ----------
+    wanted : FrictionModel
+        Law without chambers.
+    data : Observations
+    pressure : str or None
+        Requested dependence on pressure, one of ``PRESSURE_FORMS``.
+    """
+    model, lost = (wanted, []) if pressure is None else _with_pressure(wanted, data, pressure)
+    levels = distinct_levels(data.speed_m_s)
+    needed = 5 if model.exponent is None else 4
+    if model.stribeck and (len(levels) < needed or len(data) < needed + 2 * len(model.terms)):
+        names = [*_curve_names(model), *(f"breakaway_{c}" for c in "ab" if pressure is not None)]
+        lost = [s for s in lost if not s.parameter.startswith("breakaway_")]
+        counts = {"count": len(levels), "s": "s" * (len(levels) != 1), "needed": needed, "values": len(data)}
+        lost += _lost(names, "few_speeds" if len(levels) < needed else "few_values", levels=_listed(levels), **counts)
+        model = model.without_stribeck()
+    if not wanted.viscous:
+        lost += _lost(["viscous"], "held_at_zero")
+    elif len(levels) < 2 or len(data) < len(model.names):
+        what = "one_speed" if len(levels) < 2 else "few_values_viscous"
+        lost += _lost(["viscous"], what, levels=_listed(levels), values=len(data))
+        model = replace(model, viscous=False)
+    if len(data) < len(model.names):
+        raise FitError.of("identify.few_values", values=len(data), count=len(model.names), names=", ".join(model.names))
+    return model, lost
+
+
+def _curve_names(model: sliding.FrictionModel) -> list[str]:
+    """Return the parameters of the Stribeck part."""
+    return ["breakaway", "stribeck_velocity"] + ["stribeck_exponent"] * (model.exponent is None)
+
+
+def _with_pressure(
+    wanted: sliding.FrictionModel, data: sliding.Observations, pressure: str
+) -> tuple[sliding.FrictionModel, list[Undetermined]]:
+    """Add the part of the dependence on pressure that the levels can determine."""
+    forces = sliding.FORCES[: 1 + wanted.stribeck]
+    gauges = {"a": data.gauge_a_pa, "b": data.gauge_b_pa}
+    chambers = tuple(c for c, g in gauges.items() if np.ptp(g) > SAME_PRESSURE_PA)
+    lost: list[Undetermined] = []
+    for c in gauges:
+        if c not in chambers:
+            lost += _lost((f"{f}_{c}" for f in forces), "one_pressure", chamber=c, bar=1e-5 * gauges[c].mean())
+    if len(chambers) == 2:  # if b is a linear function of a, only the sum of both slopes is free
+        slope, intercept = np.polyfit(data.gauge_a_pa, data.gauge_b_pa, 1)
+        if np.std(data.gauge_b_pa - slope * data.gauge_a_pa - intercept) < 0.5 * SAME_PRESSURE_PA:
+            lost += _lost((f"{f}_{c}" for f in forces for c in "ab"), "same_pressure")
+            chambers = ("ab",)
+    if pressure in ("quadratic", "saturating"):  # a curve needs three levels
+        few = [c for c in "".join(chambers) if np.sum(np.diff(np.sort(gauges[c])) > SAME_PRESSURE_PA) < 2]
+        if few:
+            lost += _lost((f"{f}_curve_{c}" for f in forces for c in few), "few_pressures", chamber=few[0])
+            pressure = "linear"
+    if pressure == "interaction":  # the product must be linearly independent of the pressures
+        a, b = (gauge / 1e5 for gauge in data.gauges_pa)
+        rest = a * b - projection(a * b, np.column_stack([np.ones_like(a), a, b]))
+        if chambers != ("a", "b") or not np.std(rest) > 1e-3 * np.std(a * b):
+            lost += _lost((f"{f}_product" for f in forces), "not_crossed")
+            pressure = "linear"
+    return replace(wanted, chambers=chambers, pressure=pressure), lost
+
+
+def diagnose(found: robust.RobustEstimate, intervals: NamedIntervals) -> list[Undetermined]:
+    """Return statements on free parameters that the data do not determine."""
+    data, theta, names = found.data, found.natural, found.model.names
+    said: list[Undetermined] = []
+    if found.model.stribeck:  # parts of the Stribeck curve outside the measured levels
+        vs, span = theta["stribeck_velocity"], _span(data)
+        curve, (low, high) = ("breakaway", "stribeck_velocity"), intervals["stribeck_velocity"]
+        if data.speed_m_s.min() > TAIL * vs:
+            said += _lost(curve, "tail", tail=TAIL, vs=_mm_s(vs), **span)
+        if data.speed_m_s.max() < PLATEAU * vs:
+            at = {"plateau": PLATEAU, "vs": _mm_s(vs), "level": _mm_s(PLATEAU * vs)}
+            said += _lost([n for n in ("coulomb", "viscous") if n in theta], "no_plateau", **at, **span)
+        if low <= 0.0:
+            said += _lost(curve, "far_below", **span)
+        if not np.isfinite(high):
+            said += _lost(["stribeck_velocity"], "far_above", **span)
+        if not np.isfinite(intervals["breakaway"][1]):
+            said += _lost(["breakaway"], "too_fast", level=_mm_s(0.5 * vs), **span)
+    said += _lost(np.array(names)[weak_coordinates(found.jacobian)].tolist(), "weak")
+    for name, (lower, upper) in intervals.items():
+        open_below = name in {"stribeck_velocity", "stribeck_exponent"} and lower <= 0.0
+        if open_below or not np.isfinite([lower, upper]).all():
+            said += _lost([name], "open")
+    first = {one.parameter: one for one in reversed(said)}
+    return [first[n] for n in names if n in first]
+
+
+def without_support(
+    found: robust.RobustEstimate, intervals: NamedIntervals
+) -> tuple[sliding.FrictionModel, list[Undetermined]]:
+    """Return the law without a part that the data do not support, or the law itself if all parts are supported."""
+    from scipy.special import fdtrc
+
+    model, data = found.model, found.data
+    span, fastest = _span(data), float(data.speed_m_s.max())
+    if model.stribeck and found.dof > 0:  # F-test against the law without Stribeck part, on the same pseudo-values
+        without = found.pseudo_fit(model.without_stribeck())
+        extra = len(model.names) - len(without.model.names)
+        gain = np.sum(without.residual**2) - found.pseudo_cost
+        p = float(fdtrc(extra, found.dof, max(gain, 0.0) / extra / found.variance))
+        if p > CHANCE:
+            names = _curve_names(model) + [f"breakaway_{c}" for c in "ab" if c in "".join(model.chambers)]
+            return without.model, _lost(names, "no_fall", p=p, **span)
+    if model.stribeck or not model.viscous:
+        return model, []
+    smaller = replace(model, viscous=False)
+    if not changed(data.speed_m_s):
+        return smaller, _lost(["viscous"], "same_speeds", mean=_mm_s(float(data.speed_m_s.mean())))
+    typical = np.median(np.abs(data.friction_n))
+    reach = fastest * (intervals["viscous"][1] - max(intervals["viscous"][0], 0.0))
+    beyond = _mm_s(3.0 * fastest)
+    if found.active[model.names.index("viscous")] and reach < 1e-3 * typical:
+        return smaller, _lost(["viscous"], "falls", beyond=beyond, **span)
+    if reach > VISCOUS_REACH * typical:
+        sizes = {"reach": plain(reach, 2), "typical": plain(typical, 2)}
+        return smaller, _lost(["viscous"], "anything", beyond=beyond, **sizes, **span)
+    return model, []
+
+
+# --- Fits of selected values.
+
+
 def fit_values(
     wanted: sliding.FrictionModel,
     data: sliding.Observations,
     *,
     pressure: str | None,
     notes: Sequence[str] = (),
-    options: Mapping[str, object],
+    options: Plain,
 ) -> FrictionFit:
     """Fit a law to selected values; see :func:`fit_friction`, which selects them.
 
@@ -129,17 +299,17 @@ def fit_values(
     notes, options
         Notes for the result, and options for its provenance.
     """
-    model, lost = selection.choose_model(wanted, data, pressure=pressure)
-    model = selection.with_knee(model, data)
+    model, lost = choose_model(wanted, data, pressure=pressure)
+    model = robust.with_knee(model, data)
     while True:  # without unsupported parts, which would only widen the intervals of the other parameters
-        found = estimated(model, data)
-        intervals = selection.interval_over_knees(found, student(found.dof))
-        smaller, unsupported = selection.without_support(found, intervals)
+        found = robust.estimated(model, data)
+        intervals = robust.interval_over_knees(found, student(found.dof))
+        smaller, unsupported = without_support(found, intervals)
         if smaller == model:
             break
         model, lost = smaller, lost + unsupported
-    intervals = selection.interval_over_shapes(found, intervals)
-    lost += selection.diagnose(found, intervals)
+    intervals = robust.interval_over_shapes(found, intervals)
+    lost += diagnose(found, intervals)
     said, total_pa = list(notes), data.gauge_a_pa + data.gauge_b_pa
     if len(data) >= 3 and np.ptp(total_pa) >= 1e4:
         if pressure is None:
@@ -154,21 +324,24 @@ def fit_values(
         said.append(sentence("notes", "no_freedom"))
     if np.isfinite(found.rival):
         said.append(sentence("notes", "rival", velocity=1e3 * found.rival))
-    provenance = {"version": __version__, "map_sha256": sliding.fingerprint(data), **_ranges(data), **options}
-    fit = assembled(wanted.law, found, intervals, lost, said, provenance)
+    fit = assembled(wanted.law, found, intervals, lost, said, _provenance(data) | options)
     return replace(fit, notes=(*fit.notes, *fit.correlated()))
 
 
-def _ranges(data: sliding.Observations) -> dict[str, list[float]]:
-    """Return the speeds, and the ranges of speed and gauge pressures. Outside these ranges, the fit extrapolates."""
+def _provenance(data: sliding.Observations) -> Plain:
+    """Return version, hash of the values, speeds, and ranges of speed and gauge pressures.
+
+    Outside these ranges, the fit extrapolates.
+    """
     columns = {"speed_m_s": data.speed_m_s, "gauge_a_pa": data.gauge_a_pa, "gauge_b_pa": data.gauge_b_pa}
     ends = {name: [float(values.min()), float(values.max())] for name, values in columns.items()}
-    return ends | {"speed_levels_m_s": [low for low, _ in distinct_levels(data.speed_m_s)]}
+    levels = {"speed_levels_m_s": [low for low, _ in distinct_levels(data.speed_m_s)]}
+    return {"version": __version__, "map_sha256": sliding.fingerprint(data)} | ends | levels
 
 
 def assembled(
     law: str,
-    found: RobustEstimate,
+    found: robust.RobustEstimate,
     intervals: NamedIntervals,
     lost: list[Undetermined],
     notes: list[str],
@@ -249,7 +422,7 @@ def fit_any_law(
     if len(data) <= len(model.names):
         counts = f"{len(data)} values, {len(model.names)} parameters"
         raise FitError("the friction map has too few values for this law", value=counts)
-    found = estimate(model, data)
+    found = robust.estimate(model, data)
     matrix, theta = found.covariance, model.transforms.natural(found.q)
     reach = student(found.dof) * np.sqrt(np.diag(matrix))
     low, high = intervals(theta, reach, model.transforms.lower)
@@ -266,13 +439,13 @@ def fit_any_law(
         unseen=tuple(n for n in known if n not in seen),
         notes=tuple(notes),
         statistics=found.statistics(),
-        provenance={"version": __version__, "map_sha256": sliding.fingerprint(data), **_ranges(data)} | provenance,
+        provenance=_provenance(data) | provenance,
         observations=data,
         profiler=partial(_profile, found),
     )
 
 
-def _profile(found: RobustEstimate, name: str) -> Interval:
+def _profile(found: robust.RobustEstimate, name: str) -> Interval:
     """Return the interval of one parameter by profile likelihood, from the pseudo-values of the estimate."""
     model, theta = found.model, found.model.transforms.natural(found.q)
     k = model.names.index(name)

@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pneudrive import _core
-from pneudrive.arrays import Array, ArrayPair, Bools, Columns, Ints, Keyed, NamedNumbers, Plain, by_name
+from pneudrive.arrays import Array, ArrayPair, Bools, Columns, Ints, Keyed, NamedNumbers, Plain, by_name, rows_of
 from pneudrive.constants import STANDARD_ATMOSPHERE_PA
 from pneudrive.errors import FitError
 from pneudrive.estimate.autocorrelation import moderate
@@ -78,8 +78,8 @@ class Observations:
         Gauge pressures of the chambers.
     u_systematic_n : ndarray, shape (n,)
         Standard uncertainty of errors shared by all rows (zero if the map does not state it).
-    group : ndarray of int, shape (n,)
-        Recording of each row.
+    recording : ndarray, shape (n,)
+        Name of the recording of each row.
     """
 
     speed_m_s: Array
@@ -88,7 +88,7 @@ class Observations:
     gauge_a_pa: Array
     gauge_b_pa: Array
     u_systematic_n: Array
-    group: Ints
+    recording: NDArray
 
     @property
     def gauges_pa(self) -> ArrayPair:
@@ -117,7 +117,7 @@ def at_conditions(
         given.append(parse_pressure(gauge).absolute_pa(ambient_pa) - ambient_pa if is_text else gauge)
     speed, a, b = (values.ravel() for values in np.broadcast_arrays(*(np.asarray(v, dtype=float) for v in given)))
     one = np.ones(speed.size)
-    return Observations(np.abs(speed), one, one, a, b, 0.0 * one, np.zeros(one.size, np.int64))
+    return Observations(np.abs(speed), one, one, a, b, 0.0 * one, np.full(one.size, ""))
 
 
 class StaticLaw:
@@ -494,6 +494,8 @@ class AnyLaw(StaticLaw):
 # --- Selection of the independent values of a friction map for a fit.
 
 REQUIRED = ("recording", "direction", "velocity_m_s", "pressure_a_pa", "pressure_b_pa", "balance_n", "friction_n")
+#: Further columns of a map that a fit uses.
+OPTIONAL = ("stderr_n", "u_systematic_n", "strokes", "flags")
 #: Flags that exclude rows from F(v): in stick-slip, the mean force does not belong to the mean speed.
 NOT_SLIDING = ("stick_slip",)
 #: Smallest friction of a map, N. If all values are smaller, they are rounding errors, and their squares would
@@ -552,27 +554,22 @@ def selected(
         if stated is not None and not 0.0 < stated < np.inf:
             raise FitError("the ambient pressure must be positive", value=f"ambient_pressure_pa = {stated}")
         ambient = float(stated or 0.0)
+    column["value_n"] = column["friction_n"] if direction is None else direction * column["balance_n"]
     keep, notes = _usable(column, direction, exclude_flags)
-    pairs = _pairs(column, keep) if direction is None else np.repeat(np.flatnonzero(keep)[:, None], 2, axis=1)
-    if not pairs.size:
+    if not keep.any():
         raise FitError.of("identify.no_row", notes="; ".join(notes) or "the map is empty")
-    friction = column["friction_n"] if direction is None else direction * column["balance_n"]
-    mean = {name: column[name][pairs].mean(axis=1) for name in _AVERAGED}
-    speed = np.abs(column["velocity_m_s"][pairs]).mean(axis=1)
-    value = friction[pairs].mean(axis=1)
-    if np.abs(value).max() < NO_FRICTION_N:
+    value = _paired(rows_of(column, keep))
+    if np.abs(value["value_n"]).max() < NO_FRICTION_N:
         raise FitError("friction is zero in every row of the map", rule="a fit needs measured friction")
-    stderr, more = _standard_errors(column, pairs, value, speed)
-    shared_n = np.nan_to_num(mean["u_systematic_n"])
+    stderr, more = _standard_errors(value)
+    shared_n = np.nan_to_num(value["u_systematic_n"])
     if direction is not None:
-        zero_n = np.nan_to_num(np.abs(value - column["friction_n"][pairs[:, 0]]))
+        zero_n = np.nan_to_num(np.abs(value["value_n"] - value["friction_n"]))
         name = "zero_known" if zero_n.max() > NO_FRICTION_N else "zero"
         more.append(sentence("notes", name, half=zero_n.max()))
         shared_n = np.hypot(shared_n, zero_n)
-    number = np.unique(column["recording"].astype(str), return_inverse=True)[1]
-    a, b = (mean[f"pressure_{side}_pa"] - ambient for side in "ab")
-    group = number[pairs[:, 0]].astype(np.int64)
-    data = Observations(speed, value, stderr, a, b, shared_n, group)
+    a, b = (value[f"pressure_{side}_pa"] - ambient for side in "ab")
+    data = Observations(value["speed_m_s"], value["value_n"], stderr, a, b, shared_n, value["recording"])
     provenance = {
         "direction": "both" if direction is None else f"{direction:+d}",
         "ambient_pressure_pa": ambient,
@@ -584,10 +581,8 @@ def selected(
     return data, notes + more, provenance
 
 
-_AVERAGED = ("pressure_a_pa", "pressure_b_pa", "u_systematic_n")
-
-
 def _columns(friction_map: xr.Dataset) -> dict[str, NDArray]:
+    """Return the columns of a map that a fit uses. A missing optional column is NaN."""
     missing = [name for name in REQUIRED if name not in getattr(friction_map, "data_vars", ())]
     if missing:
         raise FitError.of(
@@ -596,13 +591,8 @@ def _columns(friction_map: xr.Dataset) -> dict[str, NDArray]:
     rows = friction_map["friction_n"].shape
     if len(rows) != 1:
         raise FitError("the friction map must have one dimension, row", value=f"shape {rows}", where="friction map")
-    column = {str(name): np.asarray(friction_map[name].values) for name in friction_map.data_vars}
-    nothing = np.full(rows, np.nan)
-    for name in ("stderr_n", "u_systematic_n", "strokes"):
-        column.setdefault(name, nothing)
-    column.setdefault("flags", np.full(rows, "", dtype=object))
-    for name in (*REQUIRED[1:], "stderr_n", "u_systematic_n", "strokes"):
-        column[name] = column[name].astype(float)
+    kinds = dict.fromkeys((*REQUIRED, *OPTIONAL), float) | {"recording": str, "flags": str}
+    column = {name: np.asarray(friction_map.get(name, np.full(rows, np.nan)), kind) for name, kind in kinds.items()}
     direction, stderr = column["direction"], column["stderr_n"]
     if (wrong := abs(direction) != 1.0).any():
         row = int(wrong.argmax())
@@ -616,62 +606,48 @@ def _columns(friction_map: xr.Dataset) -> dict[str, NDArray]:
 def _usable(
     column: dict[str, NDArray], direction: int | None, exclude_flags: Collection[str]
 ) -> tuple[Bools, list[str]]:
-    notes = []
-    value = column["friction_n"] if direction is None else column["balance_n"]
-    finite = np.isfinite(value) & np.isfinite(column["velocity_m_s"]) & (column["velocity_m_s"] != 0.0)
-    finite &= np.isfinite(column["pressure_a_pa"]) & np.isfinite(column["pressure_b_pa"])
+    """Return a mask of the rows that a fit uses, and notes on the others."""
+    notes, unwanted = [], set(exclude_flags)
+    needed = [column[name] for name in ("value_n", "velocity_m_s", "pressure_a_pa", "pressure_b_pa")]
+    finite = np.isfinite(needed).all(axis=0) & (column["velocity_m_s"] != 0.0)
     if not finite.all():
         notes.append(f"{np.sum(~finite)} rows left out: a value is not finite or the speed is zero")
-    unwanted = set(exclude_flags)
-    flags = ({flag.strip() for flag in str(text).split(",")} for text in column["flags"])
-    flagged = np.array([bool(unwanted & own) for own in flags], bool)
+    flagged = np.array([not unwanted.isdisjoint(map(str.strip, text.split(","))) for text in column["flags"]], bool)
     if (flagged & finite).any():
         notes.append(f"{np.sum(flagged & finite)} rows left out for their flags ({', '.join(sorted(unwanted))})")
-    keep = finite & ~flagged
-    if direction is not None:
-        keep &= column["direction"] == direction
-    return keep, notes
+    return finite & ~flagged & (direction is None or column["direction"] == direction), notes
 
 
-def _pairs(column: dict[str, NDArray], keep: Bools) -> Ints:
-    """Return pairs of rows that state one value, shape (m, 2): one recording, same friction, opposite directions.
+def _paired(column: dict[str, NDArray]) -> dict[str, NDArray]:
+    """Return the means over both rows of each pair: one recording, same friction, opposite directions.
 
-    A single row forms a pair with itself.
+    A single row is a value of its own.
     """
-    waiting: dict[tuple, int] = {}
-    pairs: list[list[int]] = []
-    names, frictions, ways = (column[name].tolist() for name in ("recording", "friction_n", "direction"))
-    for i in np.flatnonzero(keep).tolist():
-        partner = waiting.pop((names[i], frictions[i], -ways[i]), None)
-        if partner is not None:
-            pairs[partner][1] = i
-        else:
-            waiting[names[i], frictions[i], ways[i]] = len(pairs)
-            pairs.append([i, i])
-    return np.array(pairs, dtype=np.int64).reshape(-1, 2)
+    import polars as pl
+
+    rows = pl.DataFrame(column).with_columns(
+        speed_m_s=pl.col("velocity_m_s").abs(),
+        stated_n2=pl.col("stderr_n") ** 2,
+        turn=pl.int_range(pl.len()).over("recording", "friction_n", "direction"),
+    )
+    pairs = rows.group_by("recording", "friction_n", "turn", maintain_order=True)
+    means = pl.col("speed_m_s", "value_n", "stated_n2", "pressure_a_pa", "pressure_b_pa", "u_systematic_n").mean()
+    return {series.name: series.to_numpy() for series in pairs.agg(means, pl.col("strokes").sum())}
 
 
-def _standard_errors(
-    column: dict[str, NDArray],
-    pairs: Ints,
-    friction: Array,
-    speed: Array,
-) -> tuple[Array, list[str]]:
-    """Return the standard error of each value; both rows of a pair state the same error."""
-    with np.errstate(invalid="ignore"):
-        stated = np.sqrt(np.mean(column["stderr_n"][pairs] ** 2, axis=1))
-    first, second = pairs.T
-    strokes = column["strokes"][first] + np.where(first == second, 0.0, column["strokes"][second])
+def _standard_errors(value: dict[str, NDArray]) -> tuple[Array, list[str]]:
+    """Return the standard error of each value, and notes on missing errors."""
+    stated = np.sqrt(value["stated_n2"])
     known = np.isfinite(stated) & (stated > 0.0)
     if not known.any():
-        typical = max(np.max(np.abs(friction)), 1e-12)
-        return np.full(friction.size, 0.01 * typical), ["the map has no standard errors: all rows have the same weight"]
+        typical = max(np.max(np.abs(value["value_n"])), 1e-12)
+        return np.full(stated.size, 0.01 * typical), ["the map has no standard errors: all rows have the same weight"]
     notes = []
     if not known.all():
         stated = np.where(known, stated, np.median(stated[known]))
         notes.append(f"{np.sum(~known)} rows have no standard error: the median of the others is used")
-    dof = np.where(np.isfinite(strokes), np.maximum(strokes - 2.0, 1.0), np.inf)
-    return np.sqrt(moderate(stated**2, dof, speed)), notes
+    dof = np.where(np.isfinite(value["strokes"]), np.maximum(value["strokes"] - 2.0, 1.0), np.inf)
+    return np.sqrt(moderate(stated**2, dof, value["speed_m_s"])), notes
 
 
 #: Largest number of listed recordings. More recordings are given by their number, first and last name.

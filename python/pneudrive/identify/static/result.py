@@ -20,8 +20,7 @@ from pneudrive.identify import export
 from pneudrive.identify.base import Fit, FitFile
 from pneudrive.identify.identified import Dependences, FittedData, apply_identified, sentence, sentences, stated
 from pneudrive.identify.static import model as sliding
-from pneudrive.identify.static.diagnose import interval_over_knees
-from pneudrive.identify.static.robust import estimated
+from pneudrive.identify.static.robust import estimated, interval_over_knees
 from pneudrive.repr_tables import Shown
 from pneudrive.views import Finding
 
@@ -297,12 +296,11 @@ class FrictionFit(SlidingFit, kind="friction map"):
     def _warn_of_kept(self, after: Drive) -> None:
         """Warn if values that the drive keeps make its friction differ from that of the fit."""
         kept = [n for n in STEADY if n not in self.determined and n in after.friction.parameters]
-        speeds = self.provenance.get("speed_m_s")
-        if not kept or not isinstance(speeds, (list, tuple)) or not speeds[0] < speeds[1]:
+        low, high = self.provenance.get("speed_m_s", (0.0, 0.0))
+        if not kept or not low < high:
             return
         fitted = self.curve()
-        ends = (float(fitted.speed_m_s[0]), float(fitted.speed_m_s[-1]))
-        friction_n = export.curve_of_drive(after, ends, fitted.gauge_a_pa, fitted.gauge_b_pa).friction_n
+        friction_n = export.curve_of_drive(after, (low, high), fitted.gauge_a_pa, fitted.gauge_b_pa).friction_n
         k = int(np.argmax(np.abs(friction_n - fitted.friction_n)))
         speed, own, known = 1e3 * fitted.speed_m_s[k], friction_n[k], fitted.friction_n[k]
         if abs(own - known) > KEPT_SHARE * abs(known):
@@ -379,7 +377,7 @@ class FrictionFit(SlidingFit, kind="friction map"):
         known = {name for name, entry in file.entries.items() if entry.standard_error is not None}
         found["intervals"] = {name: ends for name, ends in found["intervals"].items() if name in known}
         found["systematic"] = dict.fromkeys(found["free"], 0.0) | found["systematic"]
-        found["dependences"] = Dependences.of_table(file.content.get("dependences", {}))
+        found["dependences"] = Dependences(**file.content.get("dependences", {}))
         return found | {"law": file.content["law"], "model": model}
 
     def _shown(self) -> NamedNumbers:

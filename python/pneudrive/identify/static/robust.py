@@ -24,8 +24,8 @@ import numpy as np
 
 from pneudrive.arrays import Array, ArrayPair, Bools, Interval, NamedIntervals, NamedNumbers, by_name
 from pneudrive.estimate.autocorrelation import HUBER, LINEAR, Loss, corrected_criterion, covariance_of, shift_of
-from pneudrive.estimate.estimates import rms, robust_deviation
-from pneudrive.identify.static.model import EXPONENT_BOUNDS, Observations, StaticLaw
+from pneudrive.estimate.estimates import rms, robust_deviation, student
+from pneudrive.identify.static.model import EXPONENT_BOUNDS, FrictionModel, Observations, StaticLaw
 
 #: Lower limit of the scale, as a fraction of the largest friction: smaller residuals are rounding errors.
 SCALE_FLOOR = 1e-10
@@ -468,3 +468,78 @@ def _least_squares(columns: Array, y: Array) -> tuple[Array, Array, Array]:
     lost = ((np.abs(vt) > 1e-3) & ~good[..., None]).any(axis=1)
     rest = y - np.einsum("gnk,gk->gn", u, np.where(good, projected, 0.0))
     return np.einsum("gn,gn->g", rest, rest), value, np.where(lost, np.inf, spread)
+
+
+# --- Estimates and intervals over the knees of a dependence on pressure, and over the shapes of the Stribeck curve.
+
+#: Candidate knees, as multiples of the largest gauge pressure. Above 4, the curve is nearly a straight line (within 20
+#: % of its final value); below 0.1, it is nearly a step.
+KNEES = (0.1, 0.2, 0.35, 0.6, 1.0, 1.6, 2.5, 4.0)
+
+#: Factors of further knees between the best knee and its neighbours.
+FINER = np.geomspace(0.6, 1.0 / 0.6, 9)
+#: Candidate shapes: exponent of the Stribeck curve (0.5 to 2 in the literature [armstrong1994]), and whether
+#: Lorentzian.
+SHAPES = ((0.5, False), (1.0, False), (2.0, False), (2.0, True))
+#: Factors of knees about the best one. Intervals are joined over the knees that the data allow.
+NEIGHBOURS = np.geomspace(1.0, 40.0, 61)[1:]
+
+
+def _largest_gauge(data: Observations) -> float:
+    return float(np.abs(data.gauges_pa).max())
+
+
+def with_knee(model: FrictionModel, data: Observations) -> FrictionModel:
+    """Choose the most likely of a few knees of a saturating dependence on pressure."""
+    if model.pressure != "saturating" or not model.chambers:
+        return model
+    top, starts, sizes = _largest_gauge(data), [], {}
+    for share in KNEES[::-1]:  # beginning nearest to a straight line, each starts from the estimate before
+        found = estimate(replace(model, knee_pa=share * top), data, starts=starts)
+        starts, sizes[share] = [found.q], found.deviance
+    for share in min(sizes, key=lambda one: sizes[one]) * FINER:
+        if KNEES[0] <= share <= KNEES[-1]:
+            found = estimate(replace(model, knee_pa=share * top), data, starts=starts)
+            sizes.setdefault(share, found.deviance)
+    return replace(model, knee_pa=min(sizes, key=lambda one: sizes[one]) * top)
+
+
+def _joined(first: Interval, second: Interval) -> Interval:
+    """Return the interval that contains two intervals."""
+    return min(first[0], second[0]), max(first[1], second[1])
+
+
+def interval_over_knees(found: RobustEstimate, quantile: float) -> NamedIntervals:
+    """Return profile intervals over all knees that the data allow. Those at a single knee would be far too narrow."""
+    out, model = profile_intervals(found, quantile), found.model
+    if model.knee_pa is None:
+        return out
+    top, least = _largest_gauge(found.data), found.pseudo_cost
+    for side in (NEIGHBOURS, 1.0 / NEIGHBOURS):
+        for knee in model.knee_pa * side:
+            if not KNEES[0] * top <= knee <= KNEES[-1] * top:
+                break
+            near = found.pseudo_fit(replace(model, knee_pa=float(knee)), [found.q])
+            more = profile_intervals(near, quantile, least)
+            if not more:
+                break
+            out = {name: _joined(ends, more[name]) for name, ends in out.items()}
+    return out
+
+
+def interval_over_shapes(found: RobustEstimate, intervals: NamedIntervals) -> NamedIntervals:
+    """Return the intervals of the forces over all Stribeck shapes that fit as well as the chosen shape.
+
+    The breakaway force depends on the unknown shape at low speed. At a single exponent, the intervals of the forces
+    would be too narrow. Parameters of the shape keep their own intervals.
+    """
+    model, out = found.model, dict(intervals)
+    if not model.stribeck or model.exponent is None:
+        return out
+    for exponent, lorentzian in SHAPES:
+        if (exponent, lorentzian) != (model.exponent, model.lorentzian):
+            near = found.pseudo_fit(replace(model, exponent=exponent, lorentzian=lorentzian))
+            more = profile_intervals(near, student(found.dof), found.pseudo_cost)
+            for name in (n for n in more if not n.startswith("stribeck_")):
+                out[name] = _joined(out[name], more[name])
+    return out

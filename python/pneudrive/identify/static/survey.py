@@ -23,12 +23,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.arrays import Array, ArrayPair, Columns, Interval, Ints, Keyed, Plain, by_name
+from pneudrive.arrays import Array, ArrayPair, Columns, Interval, Ints, Plain, by_name
 from pneudrive.errors import FitError, nearest
 from pneudrive.estimate.autocorrelation import integrated_wiener
 from pneudrive.identify.identified import sentence
-from pneudrive.identify.static.diagnose import SAME_PRESSURE_PA
-from pneudrive.identify.static.fit import fit_values
+from pneudrive.identify.static.fit import SAME_PRESSURE_PA, fit_values
 from pneudrive.identify.static.model import FrictionModel, Observations, at_conditions, map_of, selected
 from pneudrive.identify.static.result import FrictionFit, Prediction
 from pneudrive.repr_tables import Shown
@@ -370,7 +369,18 @@ def survey(friction_map: AnyMap, seals: str | Sequence[str], runs: str | Sequenc
         Its ``predict`` returns the friction of a further recording, in the same run or another; ``seals[name].fit`` is
         the fit of one seal.
     """
-    return survey_values(*grouped(map_of(friction_map), seals, runs, {}))
+    friction_map = map_of(friction_map)
+    seal_of, run_of = row_labels(friction_map, seals), row_labels(friction_map, runs or "")
+    groups: dict[str, Observations] = {}
+    of_run: dict[str, list[str]] = {}
+    origins: dict[str, Plain] = {}
+    for seal in dict.fromkeys(seal_of.tolist()):
+        rows = np.flatnonzero(seal_of == seal)
+        part = friction_map.isel(row=rows)
+        groups[seal], _, provenance = selected(part)
+        of_run[seal] = of_values(part, run_of[rows], groups[seal])
+        origins[seal] = {key: provenance[key] for key in ("direction", "ambient_pressure_pa", "recordings")}
+    return survey_values(groups, of_run, origins)
 
 
 def pressure_levels(data: Observations) -> Ints:
@@ -389,30 +399,10 @@ def pressure_levels(data: Observations) -> Ints:
     return out
 
 
-def grouped(
-    friction_map: xr.Dataset, seals: str | Sequence[str], runs: str | Sequence[str] | None, options: Keyed
-) -> tuple[dict[str, Observations], dict[str, list[str]], dict[str, Plain]]:
-    """Return values, runs and provenance of each seal. `options` are arguments of `selected`."""
-    seal_of = row_labels(friction_map, seals)
-    run_of = row_labels(friction_map, "" if runs is None else runs)
-    groups: dict[str, Observations] = {}
-    of_run: dict[str, list[str]] = {}
-    origins: dict[str, Plain] = {}
-    for seal in dict.fromkeys(seal_of.tolist()):
-        rows = np.flatnonzero(seal_of == seal)
-        part = friction_map.isel(row=rows)
-        groups[seal], _, provenance = selected(part, **options)
-        of_run[seal] = of_values(part, run_of[rows], groups[seal])
-        origins[seal] = {key: provenance[key] for key in ("direction", "ambient_pressure_pa", "recordings")}
-    return groups, of_run, origins
-
-
 def of_values(friction_map: xr.Dataset, labels: NDArray[np.str_], data: Observations) -> list[str]:
     """Return the label of each value of a fit, from the labels of the rows of its map."""
-    recordings = friction_map["recording"].to_numpy().astype(str)
-    of_recording = by_name(recordings.tolist(), labels.tolist())
-    names = np.unique(recordings)
-    return [of_recording[names[g]] for g in data.group]
+    of_recording = by_name(friction_map["recording"].to_numpy().astype(str).tolist(), labels.tolist())
+    return [of_recording[name] for name in data.recording]
 
 
 def row_labels(friction_map: xr.Dataset, labels: str | Sequence[str]) -> NDArray[np.str_]:
