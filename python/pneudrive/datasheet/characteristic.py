@@ -91,7 +91,7 @@ class Characteristic:
         import xarray as xr
 
         upper("Pneu")  # registers `found.pneu`
-        if plant.actuation.is_switched and self.needs_shares:
+        if plant.actuation.held and self.needs_shares:
             valves = " and ".join(plant.actuation.held)
             raise CommandError.of("datasheet.no_shares", name=plant.name, valves=valves, what=self.name)
         plant = plant.static if self.held else plant
@@ -124,8 +124,7 @@ class Characteristic:
             "description_hash": plant.described.description_hash,
             "assumed": plant.described.assumed(),
         }
-        results = {name: one for name, one in labelled.items() if name not in axes}
-        return xr.Dataset(results, {name: one for name, one in labelled.items() if name in axes}, about)
+        return xr.Dataset(labelled, attrs=about)
 
 
 def characteristic(name: str, **more: Any) -> Callable[[Find], Characteristic]:  # noqa: ANN401
@@ -171,13 +170,13 @@ def value_rows(
     """
 
     def coordinate(dim: str, index: int) -> str:
-        value = found[dim].to_numpy()[index]
+        value = found[dim].values[index]
         is_number = found[dim].dtype.kind == "f"
         return f"{dim} {write(float(value), found[dim].attrs['units'])}" if is_number else str(value)
 
     for name in results_of(found):
-        value, dims = found[name].to_numpy(), found[name].dims
-        ends = [found[f"{name}_{end}"].to_numpy() if f"{name}_{end}" in found else None for end in ("low", "high")]
+        value, dims = found[name].values, found[name].dims
+        ends = [found[f"{name}_{end}"].values if f"{name}_{end}" in found else None for end in ("low", "high")]
         for index in np.ndindex(value.shape):
             named = (coordinate(str(dim), k) for dim, k in zip(dims, index, strict=True) if dim in found.coords)
             low, high = (None if end is None else float(end[index]) for end in ends)

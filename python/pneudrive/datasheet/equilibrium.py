@@ -76,8 +76,7 @@ class Equilibrium(Viewed):
         labels += ("temperature b", "force without friction", "friction", "load that balances it")
         units_si = ("", "m", "m/s", "Pa", "Pa", "K", "K", "N", "N", "N")
         values = zip(vars(self).items(), labels, units_si, strict=True)
-        rows = (ShownValue(name, label, "value", value, unit) for (name, value), label, unit in values)
-        return View("equilibrium", tuple(rows))
+        return View("equilibrium", [ShownValue(name, label, "value", value, si) for (name, value), label, si in values])
 
 
 def equilibrium(
@@ -141,13 +140,12 @@ def steady_gas(plant: HeldDrive, command: float, load: float | None) -> tuple[Ar
     A drive at rest reaches this state under a load (N) in +x. The velocity is 0 if the drive does not move. A load
     of None pins the piston.
     """
-    search = _SteadySearch(plant, command, load)
     if load is None:
-        return search.settle(0.0)
+        return _settled(plant, command, 0.0, None)
     try:
-        return search.settle(search.toward * SLOWEST)
+        return _settled(plant, command, SLOWEST, load)
     except SimulationError:  # near rest, friction that falls with speed leads away from the steady motion
-        return search.settle(search.toward * START_M_S)
+        return _settled(plant, command, START_M_S, load)
 
 
 #: Core's form of a drive -> speeds: each change of a gain on the page needs those of the same drive, which take 0.1 s.
@@ -165,8 +163,7 @@ def full_speeds(drive: DriveOrCircuit, otherwise: float) -> Pair:
         return _SPEEDS[key]
     try:
         plant = HeldDrive(drive).static
-        searches = [_SteadySearch(plant, way, 0.0) for way in (1.0, -1.0)]
-        out, back = (abs(search.settle(search.toward * START_M_S)[1]) for search in searches)
+        out, back = (abs(_settled(plant, way, START_M_S)[1]) for way in (1.0, -1.0))
     except (CommandError, SimulationError):
         out = back = otherwise
     if len(_SPEEDS) >= MOST_KEPT:
@@ -175,81 +172,69 @@ def full_speeds(drive: DriveOrCircuit, otherwise: float) -> Pair:
     return out, back
 
 
-class _SteadySearch:
-    """Search for a steady state by implicit integration at mid stroke with growing steps.
+def _settled(plant: HeldDrive, command: float, speed: float, load: float | None = 0.0) -> tuple[Array, float]:
+    """Return the steady state that a search at mid stroke reaches from a speed in the direction of the command.
 
+    The state has pressures and temperatures of all nodes with the shape (nodes, 2), and the velocity, 0 at rest.
     Unknowns are ln p and ln T of all nodes and, under a load in N, the velocity. Without a load, the piston is pinned.
     A step is an implicit Euler step. As it grows, it becomes a Newton step. The search therefore follows the motion of
     the drive and ends at the drive's final state.
+
+    Raises
+    ------
+    SimulationError
+        No steady state was found.
     """
+    toward, is_free, nodes = math.copysign(1.0, command), load is not None, plant.nodes
+    supply, (ambient, temperature) = plant.supply_pa, plant.ambient
+    columns = [f"{node}.{quantity}" for quantity in ("pressure_pa", "temperature_k") for node in nodes]
 
-    def __init__(self, plant: HeldDrive, command: float, load: float | None) -> None:
-        self.plant, self.command, self.load, self.free = plant, command, load or 0.0, load is not None
-        self.toward = math.copysign(1.0, command)
-
-    def _rates(self, z: Array) -> Array:
-        """Return the relative rates (1/s) of all pressures, then of all temperatures, and the acceleration."""
-        plant, gas = self.plant, self._gas(z)
-        linear = plant.session(self.command, plant.middle_m, z[-1], gas).linearise([])
-        names = (f"{node}.{quantity}" for quantity in ("pressure_pa", "temperature_k") for node in plant.nodes)
-        rows = list(map(linear.outputs.index, names))
-        friction = plant.sliding(z[-1], plant.pressures(gas), plant.middle_m) if self.free else 0.0
-        gas_rates = (linear.C @ linear.rates)[rows] / linear.output[rows]
-        return np.append(gas_rates, (plant.force(linear) + self.load - friction) / plant.mass)
-
-    def _gas(self, z: Array) -> Array:
+    def gas_of(z: Array) -> Array:
         return np.exp(z[:-1].reshape(2, -1).T)
 
-    def settle(self, velocity: float) -> tuple[Array, float]:
-        """Return pressures and temperatures of all nodes with the shape (nodes, 2), and the velocity, 0 at rest.
+    def rates(z: Array) -> Array:
+        """Return the relative rates (1/s) of all pressures, then of all temperatures, and the acceleration."""
+        gas = gas_of(z)
+        linear = plant.session(command, plant.middle_m, z[-1], gas).linearise([])
+        rows = list(map(linear.outputs.index, columns))
+        friction = plant.sliding(z[-1], plant.pressures(gas), plant.middle_m) if is_free else 0.0
+        gas_rates = (linear.C @ linear.rates)[rows] / linear.output[rows]
+        return np.append(gas_rates, (plant.force(linear) + (load or 0.0) - friction) / plant.mass)
 
-        Raises
-        ------
-        SimulationError
-            No steady state was found.
-        """
-        supply, (ambient, temperature) = self.plant.supply_pa, self.plant.ambient
-        gas = np.tile([0.5 * (supply + ambient), temperature], (len(self.plant.nodes), 1))
-        z = np.r_[np.log(gas).T.ravel(), velocity]
-        lasting, step = FIRST_S, np.inf
-        longest = np.r_[np.repeat(LONGEST[:2], len(self.plant.nodes)), LONGEST[2]]
-        found = self._rates(z)
-        for _ in range(MOST_STEPS):
-            rests = self.free and self.toward * z[-1] <= SLOWEST and self.toward * found[-1] <= 0.0
-            own = z.size if self.free and not rests else z.size - 1
-            left, is_long = np.max(np.abs(found[:own])), lasting > LASTING_S
-            if left < (ROUNDED if is_long else SETTLED) and (is_long or np.max(np.abs(step)) < SETTLED):
-                for k, node in enumerate(self.plant.nodes):  # a pressure without effect on any rate is undetermined
-                    beside = z.copy()
-                    beside[k] += HELD
-                    if np.max(np.abs(self._rates(beside)[:own] - found[:own])) < SETTLED:
-                        raise SimulationError.of("datasheet.any_pressure", node=node, command=self.command)
-                return self._gas(z), 0.0 if rests else float(z[-1])
-            # An implicit Euler step, shortened if necessary.
-            slopes = np.empty((own, own))
-            for k in range(own):
-                beside = z.copy()
-                beside[k] += QUOTIENT
-                slopes[:, k] = (self._rates(beside)[:own] - found[:own]) / QUOTIENT
-            step = np.linalg.lstsq(np.eye(own) / lasting - slopes, found[:own], rcond=LEAST)[0]
-            over = float(np.max(np.abs(step) / longest[:own]))
-            step = np.asarray(step / max(1.0, over), dtype=float)
-            # The flow changes sharply near equal pressures, and full steps would jump over this region.
-            tried: list[tuple[float, float, Array]] = []
-            for share in SHORTER:
-                rates = self._rates(np.r_[z[:own] + share * step, z[own:]])
-                tried.append((float(np.max(np.abs(rates[:own]))), share, rates))
-                if share == 1.0 and tried[-1][0] < DAMPED * left:
-                    break
-            _, share, found = min(tried, key=lambda one: one[0])
-            lasting *= 1.0 if over > 1.0 else max(GROWTH * share, 1.0)
-            z[:own] += share * step
-            if np.max(z[: len(self.plant.nodes)]) > math.log(HIGHEST * supply):
+    start = np.repeat(np.log([0.5 * (supply + ambient), temperature]), len(nodes))
+    z, lasting, step = np.append(start, toward * speed), FIRST_S, np.inf
+    longest, shifts = np.repeat(LONGEST, (len(nodes), len(nodes), 1)), np.eye(z.size)
+    found = rates(z)
+    for _ in range(MOST_STEPS):
+        rests = is_free and toward * z[-1] <= SLOWEST and toward * found[-1] <= 0.0
+        own = z.size if is_free and not rests else z.size - 1
+        left, is_long = np.max(np.abs(found[:own])), lasting > LASTING_S
+        if left < (ROUNDED if is_long else SETTLED) and (is_long or np.max(np.abs(step)) < SETTLED):
+            for node, shift in zip(nodes, shifts, strict=False):  # a pressure without effect on any rate can be any
+                if np.max(np.abs(rates(z + HELD * shift)[:own] - found[:own])) < SETTLED:
+                    raise SimulationError.of("datasheet.any_pressure", node=node, command=command)
+            return gas_of(z), 0.0 if rests else float(z[-1])
+        # An implicit Euler step, shortened if necessary.
+        slopes = [(rates(z + QUOTIENT * shift)[:own] - found[:own]) / QUOTIENT for shift in shifts[:own]]
+        step = np.linalg.lstsq(np.eye(own) / lasting - np.transpose(slopes), found[:own], rcond=LEAST)[0]
+        over = np.max(np.abs(step) / longest[:own])
+        step = np.asarray(step / max(1.0, over), dtype=float)
+        # The flow changes sharply near equal pressures, and full steps would jump over this region.
+        tried: list[tuple[float, float, Array]] = []
+        for share in SHORTER:
+            after = rates(np.r_[z[:own] + share * step, z[own:]])
+            tried.append((np.max(np.abs(after[:own])), share, after))
+            if share == 1.0 and tried[-1][0] < DAMPED * left:
                 break
-            if self.free and self.toward * z[-1] < SLOWEST:
-                z[-1] = self.toward * SLOWEST
-                found = self._rates(z)
-        raise SimulationError.of("datasheet.no_state", command=self.command, velocity=float(z[-1]))
+        _, share, found = min(tried, key=lambda one: one[0])
+        lasting *= 1.0 if over > 1.0 else max(GROWTH * share, 1.0)
+        z[:own] += share * step
+        if np.max(z[: len(nodes)]) > math.log(HIGHEST * supply):
+            break
+        if is_free and toward * z[-1] < SLOWEST:
+            z[-1] = toward * SLOWEST
+            found = rates(z)
+    raise SimulationError.of("datasheet.no_state", command=command, velocity=float(z[-1]))
 
 
 # --- Linear model of a drive from exact derivatives of the core.
@@ -317,7 +302,7 @@ def linearise(
     except ImportError:
         raise CommandError("python-control is not installed", remedy="pip install pneudrive[linear]") from None
     whole = HeldDrive(drive)
-    if whole.actuation.is_switched:
+    if whole.actuation.held:
         raise CommandError.of("datasheet.not_linear", name=whole.name, valves=" and ".join(whole.actuation.held))
     plant = whole.static
     x = plant.middle_m if position is None else number_of(position, "m", "position")
@@ -358,9 +343,8 @@ def gas_at(plant: HeldDrive, pressures: Any = None) -> Array:  # noqa: ANN401 - 
     """Return pressure and temperature of all nodes from the pressures of chambers a and b; shape (nodes, 2)."""
     if pressures is None:
         pressures = 0.5 * (plant.supply_pa + plant.ambient[0])
-    pair = (pressures, pressures) if isinstance(pressures, str | int | float) else tuple(pressures)
-    pair = pair * 2 if len(pair) == 1 else pair
-    if len(pair) != 2:
+    pair = [pressures] if isinstance(pressures, str | int | float) else list(pressures)
+    if len(pair) not in (1, 2):
         raise CommandError(f"pressures = {pressures!r}: give one or two", remedy='("3 bar abs", "2 bar abs")')
     levels = []
     for given in pair:
@@ -370,7 +354,7 @@ def gas_at(plant: HeldDrive, pressures: Any = None) -> Array:  # noqa: ANN401 - 
         if not (math.isfinite(level) and level > 0.0):
             raise CommandError(f"pressures: {given} is out of bounds", rule="absolute, greater than 0")
         levels.append(level)
-    a, b = levels
+    a, b = levels[0], levels[-1]
     sides = {f"{plant.piston}.a": a, f"{plant.piston}.b": b}
     values = [sides.get(node, b if plant.is_at_b(node) else a) for node in plant.nodes]
     return np.array([(value, plant.ambient[1]) for value in values])
@@ -419,10 +403,8 @@ def linear_model(
 def _linear(plant: HeldDrive, session: Session, command: float) -> Linear:
     """Return the linear model of a session. Its inputs are valve signal, load and supply pressure."""
     found = session.linearise((*(f"{name}.command" for name in plant.valves), plant.load, plant.supply))
-    full = plant.actuation.out if command >= 0.0 else plant.actuation.back
-    slopes = np.array([math.copysign(1.0, command) * full[name] for name in plant.valves])
-    if len(slopes) == 1 and slopes[0] == 1.0:
-        return found
+    way = math.copysign(1.0, command)
+    slopes = way * np.array([plant.actuation.commands(way)[name] for name in plant.valves])
     count = len(slopes)
     chained = ((matrix[:, :count] @ slopes, matrix[:, count:]) for matrix in (found.B, found.D))
     b, d = (np.c_[first, others] for first, others in chained)

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive import units
+from pneudrive.arrays import rows_of
 from pneudrive.datasheet.characteristics.air import drawn_mass
 from pneudrive.datasheet.plant import HeldDrive
 from pneudrive.datasheet.strokes import STROKE_MEANING, StrokeNumbers, litres_anr, moving_mass, stroke_numbers
@@ -63,7 +64,7 @@ def _air(drive: Drive, recording: VolumeRecording) -> Pair:
     where = str(recording.source or recording.name)
     for which, part in (("begins", recording.pressure_pa[:count]), ("ends", recording.pressure_pa[-count:])):
         middle = count // 2
-        moved = abs(float(part[:middle].mean() - part[middle:].mean())) / float(part.mean())
+        moved = abs(part[:middle].mean() - part[middle:].mean()) / part.mean()
         if moved > STILL:
             shares = {"moved": 100.0 * moved, "still": 100.0 * STILL, "resting": 100.0 * RESTING}
             raise RecordingError.of("datasheet.not_at_rest", where=where, which=which, **shares)
@@ -201,11 +202,9 @@ def beside(drive: Drive, recordings: Sequence[Path], layout: Path | None, watch:
     RecordingError, LayoutError, CampaignError
         A recording cannot be used.
     """
-    of_tank = []
-    for path in recordings:
-        if not is_friction(path):
-            found_layout = find_layout(path) if layout is None else Layout.load(layout)
-            of_tank += [path] if found_layout is not None and found_layout.kind == KIND else []
+    stated = None if layout is None else Layout.load(layout)
+    layouts = {path: stated or find_layout(path) for path in recordings if not is_friction(path)}
+    of_tank = [path for path, own in layouts.items() if own is not None and own.kind == KIND]
     others = [path for path in recordings if path not in of_tank]
     found = _of_drive(drive, others, layout, watch) if others else MeasuredBeside()
     if of_tank:
@@ -213,7 +212,7 @@ def beside(drive: Drive, recordings: Sequence[Path], layout: Path | None, watch:
         airs: dict[str, list[Pair]] = defaultdict(list)
         for recording in tanks:
             airs[f"half period {recording.labels['half_period']}"].append(_air(drive, recording))
-        pairs = ((cycle, np.array(some).T) for cycle, some in airs.items())
+        pairs = ((cycle, np.array(both).T) for cycle, both in airs.items())
         compared = [_compared(cycle, "air_per_cycle", seen, told, "l ANR") for cycle, (seen, told) in pairs]
         marked = found.synthetic and all(SYNTHETIC in recording.labels for recording in tanks)
         found = replace(found, numbers=(*found.numbers, *compared), synthetic=marked)
@@ -244,14 +243,12 @@ def _of_drive(drive: Drive, recordings: Sequence[Path], layout: Path | None, wat
     numbers = []
     for (stroke, pairs), name in product(groups.items(), COMPARED):
         measured, model = (np.array([getattr(pair[side], name) for pair in pairs]) for side in (0, 1))
-        both = np.isfinite(measured) & np.isfinite(model)
-        unit = STROKE_MEANING[name][0]
-        if both.any():
-            numbers.append(_compared(stroke, name, measured[both], model[both], unit))
-        elif np.isfinite(measured).any():  # measured, and what the simulation does not do
-            mean = float(np.nanmean(measured))
-            numbers.append(ComparedNumber(stroke, name, unit, mean, math.nan, math.nan, measured.size, math.nan, False))
-    responses = tuple(one for record in validated.records if (one := response_of(record)) is not None)
+        known = np.isfinite(measured)
+        if (known & np.isfinite(model)).any():  # otherwise the simulation does not do what was measured
+            known &= np.isfinite(model)
+        if known.any():
+            numbers.append(_compared(stroke, name, measured[known], model[known], STROKE_MEANING[name][0]))
+    responses = tuple(filter(None, map(response_of, validated.records)))
     marked = all(SYNTHETIC in record.recording.labels for record in validated.records)
     return MeasuredBeside(validated, tuple(numbers), responses, synthetic=validated.synthetic or marked)
 
@@ -276,18 +273,15 @@ def strokes_of(drive: Drive, record: RecordResult) -> Iterable[tuple[float, Stro
     if edges.size - 2 > LEAST_CHANGES:
         return
     names = ("position_m", "pressure_a_pa", "pressure_b_pa")
-    sides = ({name: getattr(signals, name) for name in names}, {name: record.free[name] for name in names})
+    both = {name: getattr(signals, name) for name in names}, {name: record.free[name] for name in names}
+    size, mass = drive.cylinder.stroke_m, moving_mass(drive)
     for begin, end in pairwise(edges):
-        part = slice(begin, end)
-        seen, model = ({"time_s": time[part]} | {key: x[part] for key, x in side.items()} for side in sides)
-        size, mass, start = drive.cylinder.stroke_m, moving_mass(drive), float(time[begin])
-        if end - begin < 5 or float(np.ptp(seen["position_m"])) < LEAST_WAY * size:
-            continue
-        if not np.isfinite(model["position_m"]).all():
-            continue
-        measured = stroke_numbers(seen, size, mass, start)
-        simulated = stroke_numbers(model, size, mass, start, direction=measured.direction)
-        yield float(command[begin]), measured, simulated
+        seen, model = (rows_of({"time_s": time} | columns, slice(begin, end)) for columns in both)
+        moves = end - begin >= 5 and np.ptp(seen["position_m"]) >= LEAST_WAY * size
+        if moves and np.isfinite(model["position_m"]).all():
+            measured = stroke_numbers(seen, size, mass, time[begin])
+            simulated = stroke_numbers(model, size, mass, time[begin], direction=measured.direction)
+            yield float(command[begin]), measured, simulated
 
 
 def response_of(record: RecordResult) -> MeasuredResponse | None:

@@ -44,17 +44,15 @@ class Actuation:
     ----------
     out, back : dict
         Valve -> its command for motion towards the end of chamber b (out) or of chamber a (back).
-    is_switched : bool
-        Whether a valve has only switching positions, so that the signal u is 1 or -1.
     has_shares : bool
         Whether the drive itself has commands between 0 and full opening.
     held : dict
-        Switching valve -> its command -> command of the proportional valve that replaces it.
+        Switching valve -> its command -> command of the proportional valve that replaces it. With a switching valve,
+        the signal u is 1 or -1.
     """
 
     out: NamedNumbers
     back: NamedNumbers
-    is_switched: bool = False
     has_shares: bool = True
     held: Mapping[str, Mapping[float, float]] = field(default_factory=dict)
 
@@ -66,9 +64,9 @@ class Actuation:
         CommandError
             A switching valve has no such command.
         """
-        if self.is_switched and u == 0.0:
+        if self.held and u == 0.0:
             return {}
-        if self.is_switched and abs(u) != 1.0:
+        if self.held and abs(u) != 1.0:
             raise CommandError.of("datasheet.command", u=u, valves=" and ".join(self.held))
         full = self.out if u >= 0.0 else self.back
         return {name: abs(u) * value for name, value in full.items()}
@@ -140,8 +138,9 @@ CONTACT_N, LEAST_LAG_M, MOST_LAG = 1e-3, 1e-7, 0.1  # force on a coupling; its l
 LEAST_VELOCITY = 1e-5  # m/s: the contact just slides; its steady friction is the breakaway force
 #: Kinds of components at which a line to a chamber ends.
 _ENDS = ("tank", "reservoir")
-#: Parameters without effect on a steady state away from the ends, but with states of their own: of valve and piston.
-_LAGS, _CUSHIONS = ("frequency", "damping_ratio", "stroke_time", "delay", "hysteresis"), ("cushion_",)
+#: Parameters of valve and piston, or their beginnings, that have states but no effect on a steady state away from the
+#: ends.
+_LAGS = ("frequency", "damping_ratio", "stroke_time", "delay", "hysteresis", "cushion_")
 
 
 class HeldDrive:
@@ -194,11 +193,10 @@ class HeldDrive:
             A component has states that cannot be held, such as the flow of a distributed tube.
         """
         plant = self.with_held_valves
-        own = {name: plant.table(name) for name in (*plant.valves, self.piston)}
-        lost = (*_LAGS, *(key for key in own[self.piston] if key.startswith(_CUSHIONS)))
-        if any(key in table for table in own.values() for key in lost):
-            bare = {name: {key: one for key, one in table.items() if key not in lost} for name, table in own.items()}
-            plant = plant.varied(bare)
+        tables = {name: plant.table(name) for name in (*plant.valves, self.piston)}
+        lost = {name: dict.fromkeys(k for k in table if k.startswith(_LAGS)) for name, table in tables.items()}
+        if any(lost.values()):
+            plant = plant.varied(lost)
         held = {f"{node}.mass_kg" for node in plant.nodes}
         loose = [name for name, _ in plant.core.states if name.endswith(("kg", "kg_s")) and name not in held]
         if loose:
@@ -208,12 +206,12 @@ class HeldDrive:
     @cached_property
     def with_held_valves(self) -> HeldDrive:
         """The drive with proportional valves that hold the positions of its switching valves."""
-        if not self.actuation.is_switched:
-            return self
         held = self.actuation.held
+        if not held:
+            return self
         out = {name: held.get(name, {}).get(value, value) for name, value in self.actuation.out.items()}
         back = {name: held.get(name, {}).get(value, value) for name, value in self.actuation.back.items()}
-        actuation = Actuation(out, back, has_shares=self.actuation.has_shares)
+        actuation = Actuation(out, back, has_shares=False)
         return HeldDrive(type(self.circuit).model_validate(held_tables(self.circuit)), actuation=actuation)
 
     def before(self, u: float) -> Pair:
@@ -227,10 +225,8 @@ class HeldDrive:
 
     def settled(self, u: float, position: float) -> Session:
         """Return a session in which the valves were held for a long time, with the piston pinned by friction."""
-        plant = self.with_held_valves
-        pinned = self.table(self.piston) | {"friction": {"law": "coulomb", "coulomb": f"{PINNED_N!r} N"}}
-        middle = 0.5 * (self.supply_pa + self.ambient[0])
-        gas = np.array([(middle, self.ambient[1]) for _ in plant.nodes])
+        plant, pinned = self.with_held_valves, {"friction": {"law": "coulomb", "coulomb": f"{PINNED_N!r} N"}}
+        gas = np.tile([0.5 * (self.supply_pa + self.ambient[0]), self.ambient[1]], (len(plant.nodes), 1))
         session = plant.varied({self.piston: pinned}).session(u, position, 0.0, gas)
         session.advance(LASTING_S)
         return session
@@ -239,10 +235,12 @@ class HeldDrive:
         """Return the table of a component as described."""
         return self.parts[name].plain()
 
-    def varied(self, parts: Mapping[str, Plain]) -> HeldDrive:
-        """Return the drive with other tables of some components and the same commands."""
+    def varied(self, changes: Mapping[str, Keyed]) -> HeldDrive:
+        """Return the drive with changed values of some components. None removes a value; the commands do not change."""
         tables = self.circuit.to_dict()
-        tables["components"] |= parts
+        for name, change in changes.items():
+            table = {**self.table(name), **change}
+            tables["components"][name] = {key: value for key, value in table.items() if value is not None}
         return HeldDrive(type(self.circuit).model_validate(tables), actuation=self.actuation)
 
     def sizes(self, commands: Sequence[float]) -> tuple[float, ...]:
@@ -254,58 +252,39 @@ class HeldDrive:
         rows = [(t, self.actuation.commands(u)) for t, u in steps]
         return {name: ", ".join(f"{float(t)!r} s: {float(row[name])!r}" for t, row in rows) for name in self.valves}
 
-    def line(self, side: str) -> tuple[str, list[tuple[str, str, str]]]:
+    def line(self, side: str) -> tuple[str, list[tuple[str, str, str]]] | None:
         """Return the port of the valve that feeds chamber a or b, and the components in between.
 
         Components are ordered from the valve to the chamber, each with its port towards the valve and its port towards
-        the chamber.
-
-        Raises
-        ------
-        CommandError
-            No single path of components with two ports leads there.
+        the chamber. Return None if no single path of components with two ports leads there.
         """
-        wiring = self.circuit.wiring
-        chamber = next((port for port in wiring.at if port.id == f"{self.piston}.{side}"), None)
-        at, passed = (None if chamber is None else wiring.at[chamber]), []
-        while at is not None:
+        wiring, passed = self.circuit.wiring, list[tuple[str, str, str]]()
+        ends = [port for port in wiring.at if port.id == f"{self.piston}.{side}"]
+        while len(ends) == 1:
             done = (self.piston, *(name for name, *_ in passed))
-            beside = [
-                port for port in at.ports if port.kind == "gas" and not port.is_pilot and port.component not in done
-            ]
-            if len(beside) != 1:
-                break
-            (port,) = beside
+            near = (port for port in wiring.at[ends[0]].ports if port.kind == "gas" and not port.is_pilot)
+            others = [port for port in near if port.component not in done]
+            if len(others) != 1 or self.parts[others[0].component].entry["kind"] in _ENDS:
+                return None
+            (port,) = others
             if port.component in self.valves:
                 return port.id, passed[::-1]
-            others = [other for other in wiring.ports(port.component) if other != port and other in wiring.at]
-            if len(others) != 1 or self.parts[port.component].entry["kind"] in _ENDS:
-                break
-            passed.append((port.component, others[0].name, port.name))
-            at = wiring.at[others[0]]
-        raise CommandError.of("datasheet.line", name=self.name, side=side)
+            ends = [other for other in wiring.ports(port.component) if other != port and other in wiring.at]
+            passed += [(port.component, end.name, port.name) for end in ends]
+        return None
 
     @property
     def sides(self) -> tuple[str, ...]:
         """Chambers with a gas node: a and b, or only a if b is open to the ambient."""
         return tuple(side for side in "ab" if f"{self.piston}.{side}" in self.nodes)
 
-    def has_line(self, side: str) -> bool:
-        """Return whether one line leads from a valve to a chamber; see `line`."""
-        try:
-            self.line(side)
-        except CommandError:
-            return False
-        return True
-
     def edge(self, direction: float) -> tuple[float, bool]:
         """Return the signal up to which a valve is shut in a direction, and whether its flow begins with zero slope.
 
         The flow of a smooth table begins with zero slope.
         """
-        full = self.actuation.out if direction >= 0.0 else self.actuation.back
         edges = [(0.0, False)]
-        for name, side in full.items():
+        for name, side in self.actuation.commands(math.copysign(1.0, direction)).items():
             if side:
                 core = self.parts[name].core(0.0)
                 points = core.get("points", ())
@@ -318,7 +297,8 @@ class HeldDrive:
         """Return whether the gas of a node belongs to the line of chamber b."""
         if self.described.system.names:
             return node.endswith((".2", "_b")) or "_b." in node
-        return self.has_line("b") and node.partition(".")[0] in {name for name, *_ in self.line("b")[1]}
+        line = self.line("b")
+        return line is not None and node.partition(".")[0] in {name for name, *_ in line[1]}
 
     @property
     def name(self) -> str:
@@ -344,10 +324,8 @@ class HeldDrive:
     @property
     def hanging_n(self) -> float:
         """Force (N) on piston and moved bodies without pressure: the larger of weight alone and weight with loads."""
-        weight = 0.0
-        for name in self.moved:
-            incline = getattr(self.parts[name], "incline", 0.0)
-            weight += self.masses[name] * STANDARD_GRAVITY_M_S2 * math.sin(incline)
+        inclines = {name: getattr(self.parts[name], "incline", 0.0) for name in self.moved}
+        weight = sum(self.masses[name] * STANDARD_GRAVITY_M_S2 * math.sin(at) for name, at in inclines.items())
         return max(abs(weight), abs(weight - self.sum_of("load", "force")))
 
     def sum_of(self, kind: str, key: str) -> float:
@@ -376,7 +354,7 @@ class HeldDrive:
     def frictionless(self) -> HeldDrive:
         """The same drive with negligible friction."""
         law = {"friction": {"law": "coulomb", "coulomb": f"{NO_FRICTION_N!r} N"}}
-        return self.varied({name: self.table(name) | law for name in self.frictions})
+        return self.varied(dict.fromkeys(self.frictions, law))
 
     @cached_property
     def frictions(self) -> dict[str, Plain]:
@@ -445,7 +423,7 @@ class HeldDrive:
         start |= {f"{self.piston}.position_m": position, f"{self.piston}.velocity_m_s": velocity}
         if gas is not None:
             for node, (pressure, temperature) in zip(self.nodes, gas, strict=True):
-                start |= {f"{node}.pressure_pa": float(pressure), f"{node}.temperature_k": float(temperature)}
+                start |= {f"{node}.pressure_pa": pressure, f"{node}.temperature_k": temperature}
         try:
             session = Session(self.core.start(start, RTOL))
         except (ValueError, RuntimeError) as error:
@@ -456,14 +434,10 @@ class HeldDrive:
 
     def force(self, linear: Linear) -> float:
         """Return the force (N) in +x on the piston and the slides that it moves, without friction."""
-        row = {name: k for k, name in enumerate(linear.outputs)}
-        force = 0.0
+        found, force = dict(zip(linear.outputs, linear.output.tolist(), strict=True)), 0.0
         for name in self.moved:
-            friction, stop = (
-                linear.output[row[key]] if (key := f"{name}.{what}") in row else 0.0
-                for what in ("friction_force_n", "end_stop_force_n")
-            )
-            force += float(linear.output[row[f"{name}.acceleration_m_s2"]] * self.masses[name] + friction + stop)
+            friction, stop = (found.get(f"{name}.{kind}_force_n", 0.0) for kind in ("friction", "end_stop"))
+            force += found[f"{name}.acceleration_m_s2"] * self.masses[name] + friction + stop
         return force
 
     @property
@@ -474,9 +448,8 @@ class HeldDrive:
     @cached_property
     def masses(self) -> NamedNumbers:
         """Mass (kg) that moves with each of `slides`, from the core's acceleration per unit of load."""
-        pressure, temperature = self.ambient
-        gas = np.tile([pressure, temperature], (len(self.nodes), 1))
-        half = 1.0 if self.actuation.is_switched else 0.5
+        gas = np.tile(self.ambient, (len(self.nodes), 1))
+        half = 1.0 if self.actuation.held else 0.5
         loads = [f"{name}.load_force_n" for name in self.slides]
         found = {}
         for velocity in (0.0, 1.0):  # sticking: the contact takes the load
@@ -485,8 +458,6 @@ class HeldDrive:
                 rate = linear.B[linear.states.index(f"{name}.velocity_m_s"), k]
                 if rate != 0.0:
                     found.setdefault(name, float(1.0 / rate))
-            if len(found) == len(self.slides):
-                break
         return found
 
     def sliding(self, velocity: float, pressures: Pair, position: float) -> float:
@@ -514,9 +485,6 @@ class HeldDrive:
         return float(pressure), float(temperature)
 
 
-_known: dict[str, Actuation] = {}  # by the hash of a circuit's description
-
-
 def actuation_of(circuit: Circuit) -> Actuation:
     """Return the commands of the valves that cause the largest force on the fixed piston in each direction.
 
@@ -527,8 +495,6 @@ def actuation_of(circuit: Circuit) -> Actuation:
     CommandError
         The circuit has another component with a command, too many valves, or valves that do not move the piston.
     """
-    if circuit.description_hash in _known:
-        return _known[circuit.description_hash]
     kinds = {name: circuit.components[name].kind for name in circuit.commandable}
     others = [name for name, kind in kinds.items() if not kind.startswith("valve/") and kind != LOCK]
     if others or len(kinds) > MOST_VALVES:
@@ -539,9 +505,9 @@ def actuation_of(circuit: Circuit) -> Actuation:
     held = {name: positions[name] for name, kind in kinds.items() if kind in HELD}
     copy = type(circuit).model_validate(held_tables(circuit)) if held else circuit
     forces: list[tuple[float, NamedNumbers]] = []
-    for choice in product(*(positions[name].items() for name in kinds)):
-        commands = {name: command for name, (command, _) in zip(kinds, choice, strict=True)}
-        seen = {name: command for name, (_, command) in zip(kinds, choice, strict=True)}
+    for choice in product(*positions.values()):
+        commands = dict(zip(kinds, choice, strict=True))
+        seen = {name: positions[name][command] for name, command in commands.items()}
         plant = HeldDrive(copy, actuation=Actuation(seen, seen))
         session = plant.settled(1.0, plant.middle_m)
         forces.append((session.read(f"{plant.piston}.friction_force_n"), commands))
@@ -553,5 +519,4 @@ def actuation_of(circuit: Circuit) -> Actuation:
     least, most = ends
     if not most[0] - least[0] > CLOSE * max(abs(most[0]), abs(least[0])):
         raise CommandError.of("datasheet.still", name=circuit.name, valves=", ".join(kinds))
-    found = _known[circuit.description_hash] = Actuation(most[1], least[1], bool(held), not held, held)
-    return found
+    return Actuation(most[1], least[1], not held, held)

@@ -55,9 +55,8 @@ class UncertainDrive:
         # The assumed factor of heat transfer, which is the same for all chambers that follow the law.
         prefix, spreads = drive.key_prefix, {}
         for name, one in drive.circuit.components.items():
-            key = f"{prefix}{name}.heat_transfer_scale"
-            is_given = one.has_heat_law and one.fields["heat_transfer_scale"] in one.model_fields_set
-            if one.has_heat_law and not is_given and key not in self.origins and (prefix or name == PISTON):
+            key, is_free = f"{prefix}{name}.heat_transfer_scale", one.has_heat_law and (prefix or name == PISTON)
+            if is_free and key not in self.origins and one.fields["heat_transfer_scale"] not in one.model_fields_set:
                 spreads[key] = TUBE_SPREAD if one.kind.startswith("tube") else HEAT_SPREAD
         if HEAT_SPREAD in spreads.values():
             changes["heat_transfer_scale"] = [{key: ends[side] for key, ends in spreads.items()} for side in (0, 1)]
@@ -71,10 +70,8 @@ class UncertainDrive:
                 left_out.append(name)
                 continue
             changes[name] = [{name: units.UnitFloat(end, unit, written) if unit else end} for end in ends]
-        found = {}
-        for name, pair in changes.items():
-            found[name] = [HeldDrive(drive.replace(change)) for change in pair]
-        return found, left_out
+        moved = {name: [HeldDrive(drive.replace(change)) for change in pair] for name, pair in changes.items()}
+        return moved, left_out
 
     def characteristic(
         self,
@@ -90,7 +87,7 @@ class UncertainDrive:
         watch.look()
         plain = kind.of(self.plant, **settings)
         if "frequencies" in kind.settings:  # those of the drive, also for its variants
-            settings["frequencies"] = plain.frequency.to_numpy()
+            settings["frequencies"] = plain.frequency.values
         if not intervals:
             return plain
         variants, left_out = self.variants

@@ -121,9 +121,9 @@ class Datasheet(Viewed):
         results, known = self.results, characteristics()
         out = []
         for name, headlines in package_table(__file__, "sheet.toml")["headlines"].items():
+            found: Any = results.get(name, {})
             for title, result in headlines.items():
-                if name in results and result in results[name]:
-                    found = results[name]
+                if result in found:
                     places = (dict(zip(found[result].dims, at, strict=True)) for at in np.ndindex(found[result].shape))
                     first, *others = (shown(found, result, place) for place in places)
                     out.append(SheetNumber(title, first, others[0] if others else "", known[name].standard))
@@ -131,21 +131,20 @@ class Datasheet(Viewed):
             if name in results:  # at mid stroke and at one of the pressures
                 found = results[name]
                 at = {"position": found.sizes["position"] // 2, "pressure": min(1, found.sizes["pressure"] - 1)}
-                bar = 1e-5 * float(found.pressure[at["pressure"]])
+                bar = 1e-5 * found.pressure[at["pressure"]]
                 title = f"{in_words(result)}, mid stroke, {bar:g} bar abs"
                 out.append(SheetNumber(title, shown(found, result, at), "", ""))
         if "flow" in results:
             found = results["flow"]
-            for k, path in enumerate(found.path.to_numpy()):
+            for k, path in enumerate(found.path.values):
                 c, b = (shown(found, name, {"path": k}) for name in ("conductance", "critical_ratio"))
                 out.append(SheetNumber(f"C and b, {path}", f"{c}, b = {b}", "", known["flow"].standard))
-        drive, lives = self.drive, []
-        if LIFE in drive.labels:
-            lives.append(("B10, stated: drive, by its label", f"{drive.labels[LIFE]} cycles"))
+        drive = self.drive
+        lives = {"drive, by its label": drive.labels[LIFE]} if LIFE in drive.labels else {}
         for part in parts_of(drive) if isinstance(drive, Drive) else ():
-            stated = (one for one in part.printed if one.key == LIFE)
-            lives += [(f"B10, stated: {part.name} [{one.source}]", f"{one.value} cycles") for one in stated]
-        return out + [SheetNumber(name, life, "", "ISO 19973") for name, life in lives or [("B10", "not stated")]]
+            lives |= {f"{part.name} [{one.source}]": one.value for one in part.printed if one.key == LIFE}
+        stated = {f"B10, stated: {whose}": f"{life} cycles" for whose, life in lives.items()} or {"B10": "not stated"}
+        return out + [SheetNumber(name, life, "", "ISO 19973") for name, life in stated.items()]
 
     @property
     def values(self) -> list[DescribedValue]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import product
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -40,9 +41,16 @@ def flow_through(
     """Return the steady mass flow (kg/s) of a path between supply or exhaust and a chamber, for each pressure ratio.
 
     The valve is fully open; gas enters at the reference temperature.
+
+    Raises
+    ------
+    CommandError
+        No single line leads from a valve to the chamber, or the valve does not have one flow for each direction.
     """
-    circuit = plant.circuit
-    port, line = plant.line(side)
+    path = plant.line(side)
+    if path is None:
+        raise CommandError.of("datasheet.line", name=plant.name, side=side)
+    port, line = path
     name = port.partition(".")[0]
     valve = plant.table(name)
     edge = path_of(valve, exhaust=not inward)
@@ -52,7 +60,7 @@ def flow_through(
     way = [("edge", "1", "2"), *line]
     if not inward:
         way = [*((n, out, near) for n, near, out in line[::-1]), way[0]]
-    return np.array([steady_flow(parts, way, upstream, ratio * upstream, circuit.gas) for ratio in ratios])
+    return np.array([steady_flow(parts, way, upstream, ratio * upstream, plant.circuit.gas) for ratio in ratios])
 
 
 def reduce_flow(
@@ -65,16 +73,15 @@ def reduce_flow(
     """
     from scipy.optimize import least_squares
 
-    first = float(flows[np.argmin(ratios)]) / (density * upstream)
+    first = flows[np.argmin(ratios)] / (density * upstream)
 
     def misfit(z: Array) -> Array:
-        model = [_core.flow_ratio(float(r), float(z[1]), index) for r in ratios]
+        model = [_core.flow_ratio(r, z[1], index) for r in ratios]
         return z[0] * np.array(model) * first * density * upstream / flows - 1.0
 
     bounds = ([0.1, 0.0], [10.0, 0.99])
     found = least_squares(misfit, [1.0, 0.3], bounds=bounds, xtol=1e-15, ftol=1e-15, gtol=1e-15)
-    conductance, ratio = map(float, found.x)
-    return conductance * first, ratio, float(np.max(np.abs(found.fun)))
+    return found.x[0] * first, found.x[1], np.max(np.abs(found.fun))
 
 
 @characteristic(
@@ -107,29 +114,17 @@ def _flows(plant: HeldDrive) -> Found:
     before = plant.supply_pa
     ratios, density = np.array(RATIOS), plant.circuit.gas.anr_density_kg_m3
     index = float(getattr(plant.parts[plant.valve], "subsonic_index", 0.5))
-    named, flows, rows = [], [], []
-    fed = [side for side in plant.sides if plant.has_line(side)]  # without chambers open to the ambient
-    if not fed:
-        plant.line(plant.sides[0])
-    for side in fed:
-        for inward in (True, False):
-            named.append(f"{'supply to' if inward else 'exhaust of'} {side}")
-            flows.append(flow_through(plant, side, inward=inward, upstream=before, ratios=ratios))
-            rows.append(reduce_flow(before, ratios, flows[-1], index, density))
-    values = np.array(rows)
-    return {
-        "path": named,
+    fed = [side for side in plant.sides if plant.line(side)] or plant.sides[:1]  # without chambers open to the ambient
+    paths = list(product(fed, (True, False)))
+    flows = [flow_through(plant, side, inward=inward, upstream=before, ratios=ratios) for side, inward in paths]
+    rows = [reduce_flow(before, ratios, flow, index, density) for flow in flows]
+    meaning = f"steady flow, {1e-5 * before:g} bar abs before the path"
+    found = {
+        "path": [f"{'supply to' if inward else 'exhaust of'} {side}" for side, inward in paths],
         "ratio": ratios,
-        "flow": ResultValue(
-            ("path", "ratio"),
-            np.array(flows) / density * 6e4,
-            "l/min ANR",
-            f"steady flow, {1e-5 * before:g} bar abs before the path",
-        ),
-        "conductance": values[:, 0],
-        "critical_ratio": values[:, 1],
-        "misfit": values[:, 2],
+        "flow": ResultValue(("path", "ratio"), np.array(flows) / density * 6e4, "l/min ANR", meaning),
     }
+    return found | dict(zip(("conductance", "critical_ratio", "misfit"), np.array(rows).T, strict=True))
 
 
 @characteristic(
@@ -170,7 +165,7 @@ def _leakage(plant: HeldDrive) -> Found:
         session = plant.session(0.0, at, 0.0, gas)
         found = [session.read(f"{plant.piston}.{side}.pressure_pa")]
         for t in times[1:]:
-            session.advance(float(t))
+            session.advance(t)
             found.append(session.read(f"{plant.piston}.{side}.pressure_pa"))
         curves.append(found)
     values = np.array(curves)
@@ -193,9 +188,8 @@ def _alone(drive: Drive) -> Drive:
 
 
 def _nominal_flow(drive: Drive) -> float:
-    ratios = np.array([RATIO])
-    flow = flow_through(HeldDrive(_alone(drive)), "a", inward=True, upstream=BEFORE_PA, ratios=ratios)
-    return float(flow[0]) / ANR_DENSITY_KG_M3
+    (flow,) = flow_through(HeldDrive(_alone(drive)), "a", inward=True, upstream=BEFORE_PA, ratios=[RATIO])
+    return float(flow) / ANR_DENSITY_KG_M3
 
 
 def _at_6_bar(drive: Drive) -> HeldDrive:
@@ -210,11 +204,7 @@ def _minimum(drive: Drive) -> float:
 #: Printed figure -> its meaning, SI unit (empty for a gauge pressure), and calculation from the drive.
 FIGURES: dict[str, tuple[str, str, Callable[[Drive], float]]] = {
     "nominal_flow": ("flow from 6 to 5 bar gauge, virtual test stand", "m^3/s ANR", _nominal_flow),
-    "theoretical_force_6bar": (
-        "blocked force at 6 bar gauge",
-        "N",
-        lambda drive: full_force(_at_6_bar(drive), 1.0)[0],
-    ),
+    "theoretical_force_6bar": ("blocked force at 6 bar gauge", "N", lambda drive: full_force(_at_6_bar(drive), 1.0)[0]),
     "effective_force_6bar": (
         "blocked force minus friction at 50 mm/s, 6 bar gauge",
         "N",

@@ -77,10 +77,10 @@ class StrokeNumbers(Viewed):
     def view(self) -> View:
         """Return a view of the known numbers."""
         known = {name: value for name, value in self.to_dict().items() if not math.isnan(value)}
-        rows = (ShownValue(name, name, "value", value, STROKE_MEANING[name][0]) for name, value in known.items())
+        rows = [ShownValue(name, name, "value", value, STROKE_MEANING[name][0]) for name, value in known.items()]
         late = f"times from the command may be longer by up to {self.begin_within:.3g} s, the interval of the samples"
         title = f"stroke towards the end of chamber {'b' if self.direction > 0 else 'a'}"
-        return View(title, tuple(rows), notes=(late,) if self.begin_within else ())
+        return View(title, rows, notes=(late,) if self.begin_within else ())
 
 
 def stroke_of(
@@ -176,18 +176,17 @@ def stroke_numbers(
     hits = [one for one in impacts if begin_s <= one["time_s"] < end_s and one["end"] == end]
     contact = hits[0]["time_s"] if hits else math.nan
     speed = max((one["speed_m_s"] for one in hits), default=math.nan)  # a piston that rebounds may come faster
-    arrived = not math.isnan(contact) or float(s.max()) >= room - ARRIVED * stroke_m
+    arrived = not math.isnan(contact) or s.max() >= room - ARRIVED * stroke_m
     way = room if arrived else float(s[-1])
     if way <= ARRIVED * stroke_m:  # it rests where it was: nothing of a stroke happened
         arrived, contact, speed, way = False, *[math.nan] * 3
     rate = None if v is None else direction * v
     if arrived and math.isnan(contact):
-        contact = first_passage(t, s, min(room, float(s.max())), rate)
-        before = max(int(np.searchsorted(t, contact)) - 1, 0)
+        contact = first_passage(t, s, min(room, s.max()), rate)
+        last = int(np.searchsorted(t, contact))
         if rate is not None:
-            speed = float(rate[before])
+            speed = float(rate[max(last - 1, 0)])
         else:  # the slope of a straight line through the last samples before the contact
-            last = int(np.searchsorted(t, contact))
             own = slice(max(last - LAST_SAMPLES, 0), last)
             speed = straight_line(t[own], s[own])[0] if last > 1 else math.nan
     done = {share: first_passage(t, s, share * way, rate) for share in (DEPARTED, RISEN_FROM, RISEN_TO, NEARLY)}
@@ -256,13 +255,10 @@ def first_passage(t: Array, x: Array, level: float, rate: Array | None = None) -
     k = int(reached[0])
     if k == 0:
         return float(t[0])
-    h = t[k] - t[k - 1]
-    low = x[k - 1]
-    rise = x[k] - x[k - 1]
+    h, low, rise = t[k] - t[k - 1], x[k - 1], x[k] - x[k - 1]
     if rate is None:
         return float(t[k - 1] + h * (level - low) / rise)
-    a = h * rate[k - 1] - rise
-    b = rise - h * rate[k]
+    a, b = h * rate[k - 1] - rise, rise - h * rate[k]
 
     def value(u: float) -> float:  # cubic of Hermite
         return low + u * rise + u * (1.0 - u) * (a * (1.0 - u) + b * u) - level

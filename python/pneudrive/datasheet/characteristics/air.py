@@ -253,13 +253,13 @@ class EnergyBalance(Viewed):
         lost = self.lost_j | {"all": sum(self.lost_j.values())}
         groups = (("across boundary, positive inward", self.accounts_j, "J"), ("exergy lost", lost, "J"))
         groups += (("air given, litres ANR", self.air_litres_anr, ""),)
-        rows = (
+        rows = [
             ShownValue(f"{group}.{name}", f"{group}, {name}", "value", value, unit)
             for group, values, unit in groups
             for name, value in values.items()
-        )
+        ]
         note = f"Residual: {self.open_share:.1e} of the converted energy. Simulated."
-        return View("Energy of the run", tuple(rows), notes=(note,))
+        return View("Energy of the run", rows, notes=(note,))
 
 
 def energy_balance(
@@ -301,7 +301,7 @@ def energy_balance(
     ledger = done.provenance["ledger"]
     accounts = {name.removesuffix(_JOULE): value for name, value in ledger["accounts"].items() if name.endswith(_JOULE)}
     circuit = drive.circuit
-    lost = losses(ledger["accounts"], float(circuit.ambient.temperature_k))
+    lost = losses(ledger["accounts"], circuit.ambient.temperature_k)
     supplies = [name for name, one in circuit.components.items() if one.kind == "reservoir"]
     commands: Any = dict.fromkeys(circuit.commandable, command) if drive.system.names else command
     options = {"initial": drive.circuit_values(initial), "rtol": rtol, "cancel": cancel}

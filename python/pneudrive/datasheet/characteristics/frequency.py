@@ -44,7 +44,7 @@ SLOW = 1e-4  # of the linear model's slowest pole that counts: where the velocit
 SINE_HZ, AMPLITUDES = (1.0, 2.0, 4.0, 8.0), (0.05, 0.1, 0.2, 0.4)
 STEPS, SETTLING, COUNTED = 200, 4, 2  # of the command in a period; periods before, and looked at
 HARMONICS = 10
-NOTHING = math.nan, math.nan, math.nan  # gain, phase and distortion of a piston that reaches an end
+NOTHING = np.full(COUNTED * STEPS, math.nan)  # response of a piston that reaches an end
 LOADS = (0.2, 0.3, 0.4)  # of the blocked force at full command: amplitudes of a load
 
 
@@ -159,7 +159,7 @@ def _describing(plant: HeldDrive, amplitudes: Any = AMPLITUDES, frequencies: Any
     """
     start = start_of(plant, plant.middle_m, plant.pressures(gas_at(plant)))
 
-    def harmonics(amplitude: float, frequency: float) -> tuple[float, float, float]:
+    def velocities(amplitude: float, frequency: float) -> Array:
         rate, periods = STEPS * frequency, SETTLING + COUNTED
 
         def sine(t: float) -> float:  # held from a step to the next: the value at its middle
@@ -174,18 +174,18 @@ def _describing(plant: HeldDrive, amplitudes: Any = AMPLITUDES, frequencies: Any
         last = slice(SETTLING * STEPS, periods * STEPS)
         if np.abs(columns["end_stop_force_n"][last]).max() > 0.0:
             return NOTHING
-        return _over_sine(columns["velocity_m_s"][last], amplitude)
+        return columns["velocity_m_s"][last]
 
-    return _over_grid(amplitudes, frequencies, harmonics)
+    return _over_grid(amplitudes, frequencies, velocities)
 
 
 def _over_grid(
-    amplitudes: Sequence[float], frequencies: Sequence[float], find: Callable[[float, float], tuple[float, ...]]
+    amplitudes: Sequence[float], frequencies: Sequence[float], respond: Callable[[float, float], Array]
 ) -> tuple[Any, ...]:
-    """Return amplitudes and frequencies, and the results as arrays of the shape (amplitudes, frequencies)."""
+    """Return amplitudes and frequencies, and gain, phase and distortion with the shape (amplitudes, frequencies)."""
     named = (("amplitude", amplitudes), ("frequency", frequencies))
     axes = [[positive(one, "", name) for one in values] for name, values in named]
-    found = np.array([[find(a, f) for f in axes[1]] for a in axes[0]])
+    found = np.array([[_over_sine(respond(a, f), a) for f in axes[1]] for a in axes[0]])
     return *axes, *np.moveaxis(found, 2, 0)
 
 
@@ -193,7 +193,7 @@ def _over_sine(values: Array, amplitude: float) -> tuple[float, float, float]:
     """Return gain and phase (degrees) of the first harmonic relative to the sinusoidal input, and the distortion."""
     spectrum = np.fft.rfft(values)[::COUNTED] * 2.0 / (COUNTED * STEPS)
     first = spectrum[1] * 1j
-    distortion = float(np.sqrt(np.sum(np.abs(spectrum[2 : HARMONICS + 1]) ** 2))) / abs(first)
+    distortion = np.sqrt(np.sum(np.abs(spectrum[2 : HARMONICS + 1]) ** 2)) / abs(first)
     return abs(first) / amplitude, math.degrees(np.angle(first)), distortion
 
 
@@ -243,21 +243,19 @@ def _load_describing(
         amplitudes = [share * most for share in LOADS]
     gas = gas_at(plant, pressures)
 
-    def harmonics(amplitude: float, frequency: float) -> tuple[float, float, float]:
+    def positions(amplitude: float, frequency: float) -> Array:
         rate, periods = STEPS * frequency, SETTLING + COUNTED
         session = plant.session(0.0, plant.middle_m, 0.0, gas)
         sine = amplitude * np.sin(2.0 * math.pi * (np.arange(periods * STEPS) + 0.5) / STEPS)  # held from step to step
-        session.schedule(plant.load, [(k / rate, float(force)) for k, force in enumerate(sine)])
+        session.schedule(plant.load, [(k / rate, force) for k, force in enumerate(sine)])
         session.advance(SETTLING / frequency)
-        positions = []
+        way = []
         for k in range(COUNTED * STEPS):
             session.advance((SETTLING * STEPS + k) / rate)
-            positions.append(session.read(f"{plant.piston}.position_m"))
-        if min(positions) <= 0.0 or max(positions) >= plant.stroke_m:
-            return NOTHING
-        return _over_sine(np.array(positions), amplitude)
+            way.append(session.read(f"{plant.piston}.position_m"))
+        return np.array(way) if 0.0 < min(way) <= max(way) < plant.stroke_m else NOTHING
 
-    return _over_grid(amplitudes, frequencies, harmonics)
+    return _over_grid(amplitudes, frequencies, positions)
 
 
 # --- Importance of the numbers of a drive: relative sensitivities of its characteristics.
@@ -400,15 +398,13 @@ def lines(
     attrs = {"title": drive.name, "without_tubes": _row(_with_tubes(drive, {}))}
     if drive.tubing:
         attrs["as_described"] = _row(drive)
-    variables = {}
-    for name, (unit, meaning) in TABLE["tubes"].items():
-        values = np.reshape([row[name] for row in rows], (len(wide), -1))
-        variables[name] = ("diameter", "length"), values, {"units": unit, "long_name": meaning}
-    axes = {
-        "diameter": ("diameter", wide, {"units": "m", "long_name": "inner diameter of the tubes"}),
-        "length": ("length", long, {"units": "m", "long_name": "length of each tube"}),
-    }
-    return xr.Dataset(variables, axes, attrs)
+    found = xr.Dataset(coords={"diameter": wide, "length": long}, attrs=attrs)
+    meanings = {"diameter": ("m", "inner diameter of the tubes"), "length": ("m", "length of each tube")}
+    for name in TABLE["tubes"]:
+        found[name] = ("diameter", "length"), np.reshape([row[name] for row in rows], (len(wide), -1))
+    for name, (unit, meaning) in (meanings | TABLE["tubes"]).items():
+        found[name].attrs |= {"units": unit, "long_name": meaning}
+    return found
 
 
 def _metres(given: Sequence[str | float], what: str) -> list[float]:
@@ -425,7 +421,7 @@ def _with_tubes(drive: Drive, tubing: Plain) -> Drive:
 
 def _row(drive: Drive) -> NamedNumbers:
     """Return the results of one drive by variable, in the order of the table."""
-    plant = HeldDrive(drive, actuation=Actuation({"valve": 1.0}, {"valve": -1.0}, drive.valve.is_switching))
+    plant = HeldDrive(drive, actuation=Actuation({"valve": 1.0}, {"valve": -1.0}))
     pressure = plant.supply_pa
     choked = flow_through(plant, "b", inward=False, upstream=pressure, ratios=[VACUUM])[0]
     conductance = choked / (ANR_DENSITY_KG_M3 * pressure)
@@ -461,6 +457,6 @@ def _lines(plant: HeldDrive, lengths: Any = LENGTHS, diameters: Any = DIAMETERS)
     """
     study = lines(plant.described, list(lengths), list(diameters))  # type: ignore[arg-type]
     return {
-        str(name): ResultValue(tuple(map(str, one.dims)), one.to_numpy(), one.attrs["units"], one.attrs["long_name"])
+        str(name): ResultValue(tuple(map(str, one.dims)), one.values, one.attrs["units"], one.attrs["long_name"])
         for name, one in study.variables.items()
     }

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from pneudrive.arrays import Columns, Pair, Plain, rows_of
+from pneudrive.arrays import Columns, Pair, Plain, evenly, rows_of
 from pneudrive.datasheet.characteristic import Found, ResultValue, characteristic
 from pneudrive.datasheet.equilibrium import gas_at, moving_gas, steady_state
 from pneudrive.datasheet.strokes import STROKE_MEANING, StrokeNumbers, first_passage, stroke_numbers
@@ -142,8 +142,10 @@ def trace(motion: StrokeRun) -> dict[str, ResultValue]:
     """Return position, velocity and pressures over time, thinned for a figure."""
     time = motion.columns["time_s"]
     shown = np.linspace(time[0], time[-1], SHOWN)
-    values = {name: np.interp(shown, time, motion.columns[column]) for name, (column, *_) in _TRACE.items()}
-    return {name: ResultValue(("time",), values[name], unit, words) for name, (_, unit, words) in _TRACE.items()}
+    return {
+        name: ResultValue(("time",), np.interp(shown, time, motion.columns[column]), unit, meaning)
+        for name, (column, unit, meaning) in _TRACE.items()
+    }
 
 
 def _numbers(motion: StrokeRun, dims: tuple[str, ...]) -> dict[str, ResultValue]:
@@ -259,7 +261,7 @@ def _impact(plant: HeldDrive) -> Found:
 END_SPEED, PRESSURE_SHARE = 0.1, 2.0  # m/s; times the supply (assumed limits)
 BEFORE_M = 1e-3  # ahead of the cushion
 SPEEDS, MASSES = (0.2, 0.5, 1.0, 1.5, 2.0, 3.0), (0.5, 1.0, 2.0, 4.0)
-NEEDLES = tuple(float(share) for share in np.geomspace(0.1, 10.0, 13))  # times the described opening
+NEEDLES = np.geomspace(0.1, 10.0, 13).tolist()  # times the described opening
 ENTRY_S, ENTRY_RATE_HZ = 1.0, 5e3
 
 
@@ -296,36 +298,33 @@ def _cushion(plant: HeldDrive, end_speed: float = END_SPEED) -> Found:
     best_needle : 1
         opening with the lowest end speed; none if the piston never reaches the end
     """
-    table = plant.table(plant.piston)
-    side = next((side for side in "ba" if f"cushion_{side}_length" in table), "")
+    side = next((side for side in "ba" if f"cushion_{side}_length" in plant.table(plant.piston)), "")
     if not side:
         raise CommandError(f"{plant.piston} has no cushion", remedy='Add cushion_b = { length = "17 mm", ... }.')
     most = PRESSURE_SHARE * plant.supply_pa
     masses, speeds = [share * plant.mass for share in MASSES], list(SPEEDS)
-    heavier = []  # the masses of piston, loads and slides multiplied by a factor
+    keys = {name: "moving_mass" if name == plant.piston else "mass" for name in plant.parts}
+    bodies = [(name, key, getattr(plant.parts[name], key, None)) for name, key in keys.items()]
+    grid = []  # the masses of piston, loads and slides multiplied by a factor
     for share in MASSES:
-        own = {}
-        for name, part in plant.parts.items():
-            key = "moving_mass" if name == plant.piston else "mass"
-            if hasattr(part, key):
-                own[name] = plant.table(name) | {key: f"{share * getattr(part, key)!r} kg"}
-        heavier.append(plant.varied(own))
-    grid = np.array([[_end(one, side, v) for v in speeds] for one in heavier])
+        heavier = plant.varied({name: {key: f"{share * kg!r} kg"} for name, key, kg in bodies if kg is not None})
+        grid.append([_end(heavier, side, v) for v in speeds])
+    ends_m_s, peaks_pa = np.array(grid).transpose(2, 0, 1)
     key = f"cushion_{side}_needle_conductance"
     described = getattr(plant.parts[plant.piston], f"{key}_m3_s_pa")
-    opened = (plant.varied({plant.piston: table | {key: f"{share * described!r} m3/(s Pa)"}}) for share in NEEDLES)
+    opened = (plant.varied({plant.piston: {key: f"{share * described!r} m3/(s Pa)"}}) for share in NEEDLES)
     needles = np.array([_end(one, side, 1.0) for one in opened])
     best = np.argsort(needles[:, 0])[0]  # speeds of a piston that does not arrive are last
     over = ("mass", "speed")
-    allowed = (grid[:, :, 0] <= end_speed) & (grid[:, :, 1] <= most)
+    allowed = (ends_m_s <= end_speed) & (peaks_pa <= most)
     limits = f"1 if the end speed is at most {end_speed:g} m/s and the pressure at most {1e-5 * most:g} bar (assumed)"
     ends = f"speed at the end of chamber {side}; none if it does not arrive within {ENTRY_S:g} s"
     return {
         "mass": masses,
         "speed": speeds,
-        "needle": list(NEEDLES),
-        "end_speed": ResultValue(over, grid[:, :, 0], "m/s", ends),
-        "peak_pressure": grid[:, :, 1],
+        "needle": NEEDLES,
+        "end_speed": ResultValue(over, ends_m_s, "m/s", ends),
+        "peak_pressure": peaks_pa,
         "admissible": ResultValue(over, allowed, "1", limits),
         "end_speed_by_needle": needles[:, 0],
         "best_needle": math.nan if math.isnan(needles[best, 0]) else NEEDLES[best],
@@ -335,17 +334,15 @@ def _cushion(plant: HeldDrive, end_speed: float = END_SPEED) -> Found:
 def _end(plant: HeldDrive, side: str, speed: float) -> Pair:
     """Return end speed (m/s) and peak pressure (Pa) of a piston that enters a cushion at a given speed."""
     toward = 1.0 if side == "b" else -1.0
-    length = float(getattr(plant.parts[plant.piston], f"cushion_{side}_length_m"))
+    length = getattr(plant.parts[plant.piston], f"cushion_{side}_length_m")
     x = plant.stroke_m - length - BEFORE_M if side == "b" else length + BEFORE_M
     a, b = plant.pressures(moving_gas(plant.static))
-    a, b = (a, b) if side == "b" else (b, a)
-    own = plant.piston
-    start = {f"{own}.position": f"{x!r} m", f"{own}.velocity": f"{toward * speed!r} m/s"}
-    start |= {f"{own}.a": f"{a!r} Pa abs", f"{own}.b": f"{b!r} Pa abs"}
+    start = start_of(plant, x, (a, b) if side == "b" else (b, a))
+    start[f"{plant.piston}.velocity"] = f"{toward * speed!r} m/s"
     plant = plant.with_held_valves  # the valve has opened long before
     run = simulate_plant(plant, plant.plans([(0.0, toward)]), ENTRY_S, ENTRY_RATE_HZ, initial=start)
     end_speed = next((one["speed_m_s"] for one in run.attrs["impacts"] if one["end"] == side), math.nan)
-    peak = float(run[f"{own}.{side}.pressure"].max())
+    peak = float(run[f"{plant.piston}.{side}.pressure"].max())
     return end_speed, peak if math.isfinite(peak) else math.nan
 
 
@@ -399,10 +396,10 @@ def _times(plant: HeldDrive) -> Found:
         }
     )
     run = circuit.simulate({"valve": f"0 s: 1, {REST_S} s: 0"}, 2.0 * REST_S, sample_rate=SWITCHING_RATE_HZ)
-    time, pressure = run.time.to_numpy(), run["volume.pressure"].to_numpy()
+    time, pressure = run.time.values, run["volume.pressure"].values
     on, off = time < REST_S, time >= REST_S
     rise, fall = pressure[on], pressure[off]
     up = first_passage(time[on], rise, rise[0] + SHARE * (rise[-1] - rise[0]))
     down = first_passage(time[off], -fall, -fall[0] + SHARE * (fall[0] - fall[-1])) - REST_S
-    shown = np.unique(np.r_[np.linspace(0, time.size - 1, 800).astype(int)])
+    shown = evenly(time.size, 800)
     return time[shown], pressure[shown], up, down

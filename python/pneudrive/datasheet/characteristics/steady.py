@@ -150,13 +150,9 @@ def _force(plant: HeldDrive, points: int = 12) -> Found:
     directions = (1.0, -1.0)
     blocked, stall = zip(*(full_force(plant, direction) for direction in directions), strict=True)
     shares = np.linspace(0.0, 0.99, points)
-    loads = np.array([[share * max(most, 0.0) for share in shares] for most in stall])
-    speeds = np.array(
-        [
-            [abs(_steady(plant, direction, -direction * load)[0]) for load in row]
-            for direction, row in zip(directions, loads, strict=True)
-        ]
-    )
+    loads = np.outer(np.maximum(stall, 0.0), shares)
+    pairs = zip(directions, loads, strict=True)
+    speeds = [[abs(_steady(plant, way, -way * load)[0]) for load in row] for way, row in pairs]
     return shares, loads, speeds, blocked, stall
 
 
@@ -207,7 +203,7 @@ FAST, SLOW = 1e6, 1e-5  # rad/s: heat does not follow, heat follows
 _NEAR_END = (0.0, 0.02, 0.05, 0.1, 0.175, 0.25, 0.375)
 STROKE_SHARES = (*_NEAR_END, 0.5, *(1.0 - share for share in reversed(_NEAR_END)))  # of the stroke
 LEVELS = (2.0, 3.0, 4.0, 5.0)  # bar absolute, as far as the supply reaches
-FREQUENCIES = tuple(float(f) for f in np.geomspace(0.01, 10.0, 61))  # Hz
+FREQUENCIES = np.geomspace(0.01, 10.0, 61).tolist()  # Hz
 MASSES = (0.5, 1.0, 2.0, 4.0)  # times the moving mass
 CHAMBERS, ROUNDS = 2, 3  # gas nodes without lines; times the frequency is taken at which gas in lines follows
 SLOWEST = 1e-4  # rad/s: slower pairs are masses of gas that stay the same, by rounding
@@ -239,8 +235,7 @@ def adiabatic_stiffness(plant: HeldDrive, position: float, pressures: Any, times
     found = dynamic_stiffness(plant, _at(plant, position, pressures), 1j * FAST).real
     if len(plant.nodes) == CHAMBERS:
         return found
-    heatless = plant.table(plant.piston) | {"heat_transfer": "0 W/(m2 K)"}
-    without_heat = _at(plant.varied({plant.piston: heatless}), position, pressures)
+    without_heat = _at(plant.varied({plant.piston: {"heat_transfer": "0 W/(m2 K)"}}), position, pressures)
     for _ in range(ROUNDS):
         found = dynamic_stiffness(plant, without_heat, 1j * math.sqrt(found / (times * plant.mass))).real
     return found
@@ -249,7 +244,7 @@ def adiabatic_stiffness(plant: HeldDrive, position: float, pressures: Any, times
 def levels_of(plant: HeldDrive, pressures: Any) -> list[float]:  # noqa: ANN401 - a sequence, or None
     """Return the absolute pressures of a map in Pa: the given ones, or the default levels below the supply."""
     if pressures is not None:
-        return [float(gas_at(plant, pressure)[0, 0]) for pressure in pressures]
+        return [gas_at(plant, pressure)[0, 0] for pressure in pressures]
     low, high = plant.ambient[0], plant.supply_pa
     return [1e5 * p for p in LEVELS if low < 1e5 * p < high] or [0.5 * (low + high)]
 
