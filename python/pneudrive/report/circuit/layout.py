@@ -13,7 +13,7 @@ from functools import lru_cache
 from itertools import chain, pairwise
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from pneudrive.describe.connections import Joint, Port, Wiring, is_platform
+from pneudrive.describe.connections import Joint, Wiring, is_platform
 from pneudrive.describe.kinds import flow_keys, is_needed
 from pneudrive.errors import CommandError, package_table, wrong
 from pneudrive.report.render import FONT, applied, load_matplotlib
@@ -200,37 +200,19 @@ def _drawn(strokes: Sequence[Keyed], right: float = 0.0) -> Iterator[Shape]:
 
 
 def _plain(entry: Keyed) -> tuple[list[Shape], list[Place]]:
-    """Return a box with a title: inlets below, outlets above, other ports to the right.
-
-    A component without gas is on the right of an actuator: its first port is on the left.
-    """
-    title = entry["title"].partition(",")[0]
-    sides: dict[str, list[str]] = {"down": [], "up": [], "left": [], "right": []}
-    volumes = sum(port["holds"] == "volume" for port in entry["ports"])
-    has_gas = any(port["kind"] == "gas" for port in entry["ports"])
-    for port in entry["ports"]:
-        feeds = port["holds"] == "pressure" or (sides["down"] and not (port["holds"] == "volume" and volumes > 1))
-        other = "right" if has_gas or sides["left"] else "left"
-        side = other if port["exhaust"] or port["kind"] != "gas" else "up" if feeds else "down"
-        sides[side].append(port["name"])
-    names = max((text_width(name, TEXT_PT) for name in sides["right"] + sides["left"]), default=0.0)
-    least = [2 * len(sides[side]) + 2 for side in ("up", "down")]
-    width = max(6, math.ceil(text_width(title, TEXT_PT) + 2 * names) + 2, *least)
-    width, height = width + width % 2, max(4, 2 * len(sides["right"]) + 2)
-    corners = (0, 0), (0, height), (width, height), (width, 0), (0, 0)
-    strokes = [Shape("line", corners)]
-    strokes.append(Shape("text", ((0.5 * width, 0.5 * height),), size=TEXT_PT, text=title))
-    places: dict[str, Place] = {}
-    for side, ports in sides.items():
-        dx, dy = DIRECTIONS[side]
-        for number, name in enumerate(ports):
-            along = 2 * number - len(ports) + 1  # to the right, or downwards
-            x, y = width // 2 * (1 + dx) + abs(dy) * along, height // 2 * (1 + dy) - abs(dx) * along
-            places[name] = end = x + dx, y + dy
-            inset = 0.3 + 0.5 * text_width(name, TEXT_PT) if dx else 0.7
-            strokes.append(Shape("line", (end, (x, y))))
-            strokes.append(Shape("text", ((x - dx * inset, y - dy * inset),), size=TEXT_PT, text=name))
-    return strokes, [places[port["name"]] for port in entry["ports"]]
+    """Return a box with a title and its ports: gas below, motion on the left."""
+    title, ports = entry["title"].partition(",")[0], entry["ports"]
+    widest = max(text_width(port["name"], TEXT_PT) for port in ports)
+    pitch, places = 2 + math.ceil(widest), []
+    width, height = max(math.ceil(text_width(title, TEXT_PT)) + 2 * pitch, pitch * len(ports)), 2 * len(ports) + 2
+    strokes = [Shape("line", ((0, 0), (0, height), (width, height), (width, 0), (0, 0)))]
+    texts = [(title, (0.5 * width, 0.5 * height))]
+    for number, port in enumerate(ports, start=1):
+        x, y = (pitch * number - 1, -1) if port["kind"] == "gas" else (-1, 2 * number)
+        places.append((x, y))
+        strokes.append(Shape("line", ((x, y), (max(x, 0), max(y, 0)))))
+        texts.append((port["name"], (x, y + 1.7) if y < 0 else (x + 1.3 + 0.5 * widest, y)))
+    return [*strokes, *(Shape("text", (at,), size=TEXT_PT, text=text) for text, at in texts)], places
 
 
 def bounds(points: Iterable[Point], room: float = 0.0) -> Box:
@@ -308,11 +290,9 @@ class Routes:
         nets = [{placed[port.component].port(port.name): port.is_pilot for port in joint.ports} for joint in joints]
         self.pins = {point for net in nets for point in net}
         # Short lines first; but of the rods below a platform the outermost first, so that they do not cross.
-        order = []
-        for joint, net in zip(joints, nets, strict=True):
-            low_x, low_y, high_x, high_y = bounds(net)
-            reach = high_x - low_x + high_y - low_y
-            order.append((is_rod(joint), -reach if is_rod(joint) else reach))
+        is_rods = list(map(is_rod, joints))
+        reaches = (high_x - low_x + high_y - low_y for low_x, low_y, high_x, high_y in map(bounds, nets))
+        order = [(rod, -reach if rod else reach) for rod, reach in zip(is_rods, reaches, strict=True)]
         for number in sorted(range(len(nets)), key=order.__getitem__):
             self._join(number, nets[number])
 
@@ -326,13 +306,13 @@ class Routes:
             way = self._way(tree, goal)
             self.lines[net] |= {tuple(sorted(pair)): is_pilot[goal] for pair in pairwise(way)}  # type: ignore[misc]
             tree |= set(way)
-        for point, ways in self._ways(net, tree).items():
+        for point, ways in self._ways(net).items():
             is_straight = len(ways) == 2 and ways[0] == ways[1] and point not in self.pins
             self.through.setdefault(point, {})[net] = ways[0] if is_straight else "x"
 
-    def _ways(self, net: int, points: Iterable[Place] = ()) -> dict[Place, list[str]]:
+    def _ways(self, net: int) -> dict[Place, list[str]]:
         """Return the directions, "h" or "v", of the steps of a line at each of its points."""
-        ways: dict[Place, list[str]] = {point: [] for point in points}
+        ways: dict[Place, list[str]] = {}
         for low, high in self.lines[net]:
             for point in (low, high):
                 ways.setdefault(point, []).append("h" if low[1] == high[1] else "v")
@@ -340,8 +320,8 @@ class Routes:
 
     def _way(self, tree: Iterable[Place], goal: Place) -> list[Place]:
         """Return the cheapest path from any point of a net to a port, around the lines of earlier nets."""
-        queue: list[tuple[int, int, Place, Place, list[Place]]] = []
-        best: dict[tuple[Place, Place], int] = {}
+        queue: list[tuple[float, float, Place, Place, list[Place]]] = []
+        best: dict[tuple[Place, Place], float] = {}
         still = (0, 0)
         for point in sorted(tree):
             if point not in self.through:
@@ -358,26 +338,20 @@ class Routes:
                 if step == (-last[0], -last[1]) or (crosses and step != last):
                     continue
                 to = point[0] + step[0], point[1] + step[1]
-                extra = self._enter(to, step, goal)
-                if extra is None:
-                    continue
-                new = cost + 1 + extra + (BEND if last not in (still, step) else 0)
-                if new < best.get((to, step), 1 << 30):
+                new = cost + 1 + self._enter(to, step, goal) + (BEND if last not in (still, step) else 0)
+                if new < best.get((to, step), math.inf):
                     best[to, step] = new
                     heapq.heappush(queue, (new + _far(to, goal), new, to, step, [*way, to]))
         raise NoWayError
 
-    def _enter(self, to: Place, step: Place, goal: Place) -> int | None:
-        """Return the extra cost of entering a point; None if no line may enter it."""
+    def _enter(self, to: Place, step: Place, goal: Place) -> float:
+        """Return the extra cost of entering a point; infinite if no line may enter it."""
         low_x, low_y, high_x, high_y = self.bounds
-        if not (low_x <= to[0] <= high_x and low_y <= to[1] <= high_y):
-            return None
-        if to != goal and (to in self.blocked or to in self.pins):
-            return None
+        is_outside = not (low_x <= to[0] <= high_x and low_y <= to[1] <= high_y)
+        is_full = to != goal and (to in self.blocked or to in self.pins)
         others, across = self.through.get(to, {}).values(), "v" if step[0] else "h"
-        if any(way != across for way in others) or (others and to == goal):
-            return None
-        return CROSSING * len(others)
+        is_taken = any(way != across for way in others) or (others and to == goal)
+        return math.inf if is_outside or is_full or is_taken else CROSSING * len(others)
 
     def runs(self, net: int, *, pilots: bool) -> list[Step]:
         """Return the longest straight parts of a net, either of its pilot lines or of its other lines."""
@@ -505,33 +479,29 @@ def _ranks(wiring: Wiring, names: Sequence[str]) -> dict[str, int]:
         for name, own in ports.items()
         if any(port.holds == "pressure" for port in own) or (len(own) == 1 and own[0].is_single)
     ]
+    # Joined components, and whether an exhaust joins them.
+    joined = {
+        name: [(other.component, port.exhaust or other.exhaust)
+               for port in own if port in wiring.at for other in wiring.at[port].ports]
+        for name, own in ports.items()
+    }  # fmt: skip
     todo = supplies or list(names[:1])
     known = dict.fromkeys(todo, 0)
     while len(known) < len(names):
         for name in todo:  # grows during the loop
-            for port in ports[name]:
-                joint = wiring.at.get(port)
-                for other in joint.ports if joint is not None and not port.exhaust else ():
-                    if other.component not in known and not other.exhaust:
-                        known[other.component] = known[name] + 1
-                        todo.append(other.component)
-        left = {name: _behind(ports[name], wiring, known) for name in names if name not in known}
-        behind = [(name, rank) for name, rank in left.items() if rank is not None]
-        todo = [] if behind else list(left)[:1]
+            for other, is_exhaust in joined[name]:
+                if other not in known and not is_exhaust:
+                    known[other] = known[name] + 1
+                    todo.append(other)
+        left = [name for name in names if name not in known]
+        # One row below the component that exhausts there.
+        exhausts = ((name, other) for name in left for other, is_exhaust in joined[name] if is_exhaust)
+        behind = [(name, known[other] - 1) for name, other in exhausts if other in known]
+        todo = [] if behind else left[:1]
         known |= dict(behind[:1]) or dict.fromkeys(todo, 0)
     actuators = [name for name in names if len(ports[name]) and any(p.kind == "axis" for p in wiring.ports(name))]
     top = max([known[name] for name in actuators] + [rank + 1 for name, rank in known.items() if name not in actuators])
     return known | dict.fromkeys(actuators, top)
-
-
-def _behind(ports: Sequence[Port], wiring: Wiring, known: Mapping[str, int]) -> int | None:
-    """Return the rank of a component at an exhaust port: one row below the component that exhausts there."""
-    for port in ports:
-        joint = wiring.at.get(port)
-        for other in joint.ports if joint is not None else ():
-            if other.component in known and (other.exhaust or port.exhaust):
-                return known[other.component] - 1
-    return None
 
 
 def _pulls(joints: Sequence[Joint], actuators: Mapping[str, str], above: Collection[str]) -> Pulls:
@@ -573,7 +543,7 @@ def _order(
                     for port, other, end in pulls.get(name, ())
                     if other in extent and other not in row
                 ]
-                want[name] = sum(aims) / len(aims) if aims else float(placed[name].x)
+                want[name] = sum(aims) / len(aims) if aims else placed[name].x
             row.sort(key=lambda name: (want[name], placed[name].x))
             places = _apart([want[name] for name in row], [extent[name] for name in row], GAP * spread)
             for name, x in zip(row, places, strict=True):
@@ -600,7 +570,8 @@ def _fix(circuit: Circuit, placed: Placed) -> None:
         block.x, block.y = map(round, at)
         for other in standing:
             if _overlap(block, other):
-                remedy = f"Move {name}; {other.name} fills x {_range(other, 0)}, y {_range(other, 1)}."
+                left, low, right, high = other.rectangle()
+                remedy = f"Move {name}; {other.name} fills x {left:.0f} .. {right:.0f}, y {low:.0f} .. {high:.0f}."
                 raise wrong(f"components.{name}.at", f"{other.name} and {name} overlap", remedy=remedy)
         standing.append(block)
     for name, block in placed.items() if places else ():
@@ -608,11 +579,6 @@ def _fix(circuit: Circuit, placed: Placed) -> None:
             while any(_overlap(block, other) for other in standing):
                 block.x += 1
             standing.append(block)
-
-
-def _range(block: Block, axis: int) -> str:
-    rectangle = block.rectangle()
-    return f"{rectangle[axis]:.0f} .. {rectangle[axis + 2]:.0f}"
 
 
 def _overlap(one: Block, other: Block) -> bool:

@@ -10,6 +10,8 @@ from html import escape
 from textwrap import wrap
 from typing import TYPE_CHECKING, NamedTuple
 
+import numpy as np
+
 from pneudrive.figures import Drawing, Figure, Panel, PenStroke
 from pneudrive.report.circuit.layout import LINE, MODULE_IN, NAME_PT, TEXT_PT, Box, Shape, arranged, bounds, text_width
 from pneudrive.report.render import DrawnFigure, draw_figure
@@ -79,12 +81,8 @@ def pistons(shapes: Sequence[Shape]) -> dict[str, PistonShapes]:
     out: dict[str, PistonShapes] = {}
     for name in dict.fromkeys(one.component for one in shapes if one.component):
         own = {number: one for number, one in enumerate(shapes) if one.component == name and one.word != "text"}
-        faces = []
-        for shape in own.values():
-            left, low = shape.points[0]
-            corners = [(round(x - left, 6), round(y - low, 6)) for x, y in shape.points]
-            if shape.word == "line" and corners == PISTON:
-                faces.append(shape.points)
+        lines = (one.points for one in own.values() if one.word == "line" and len(one.points) == len(PISTON))
+        faces = [points for points in lines if np.allclose(np.subtract(points, points[0]), PISTON)]
         if len(faces) != 1:
             continue
         (left, low), (_, high), (right, _), _ = faces[0]
@@ -108,12 +106,12 @@ def circuit_shapes(described: Circuit | Drive) -> CircuitShapes:
     DescriptionError
         If two components have the same position.
     """
-    circuit: Circuit = described if hasattr(described, "wiring") else described.circuit  # type: ignore[union-attr,assignment]
+    circuit = described.circuit
     placed, joints, routes = arranged(circuit)
-    boxes = (block.rectangle() for block in placed.values())
-    corners = [corner for box in boxes for corner in (box[:2], box[2:])]
-    corners += [cell for block in placed.values() for cell in block.cells()]
-    box = bounds([*corners, *(end for line in routes.lines for step in line for end in step)])
+    corners: list[tuple[float, float]] = [end for line in routes.lines for step in line for end in step]
+    for block in placed.values():
+        corners += [block.rectangle()[:2], block.rectangle()[2:], *block.cells()]
+    box = bounds(corners)
     low_x, low_y, high_x, high_y = box
     width = max(high_x - low_x, LEAST_WIDTH, text_width(circuit.name, TITLE_PT))
     volumes = [f"{name} {1e6 * volume:.3g} cm\N{SUPERSCRIPT THREE}" for name, volume in circuit.joint_volumes]
