@@ -230,8 +230,10 @@ def merge(base: Keyed, changes: Keyed, optional: str = "") -> Plain:
         out.pop("rod_diameter", None)
     for key, value in changes.items():
         before = out.get(key)
-        are_tables = sourced.is_inner(before) and sourced.is_inner(value)
-        out[key] = merge(before, value, optional) if are_tables else value
+        if sourced.is_inner(before) and sourced.is_inner(value):
+            out[key] = merge(before, value, optional)
+        else:
+            out[key] = value
     return out
 
 

@@ -269,8 +269,8 @@ class Reads(Mark):
         JSON schema of the form that users write.
     """
 
-    read: Callable[[Any], Any] = field()
-    show: Callable[[Any], Any] = field(default=lambda value: value)
+    read: Callable[[Any], Any] = field()  # type: ignore[assignment]
+    show: Callable[[Any], Any] = field(default=lambda value: value)  # type: ignore[assignment]
     form: Plain = field(default_factory=dict, hash=False)
 
     def schema(self) -> Plain:
@@ -458,14 +458,14 @@ class PointRows(Quantity):
             raise DescriptionError(f"{given!r} is not a list of points", remedy=f"Write [{example}, {example}].")
         if not 2 <= len(given) <= self.most:
             raise DescriptionError(f"the number of points is {len(given)}", rule=f"2 to {self.most} points")
-        rows = []
+        rows: list[tuple[float, ...]] = []
         known = {key for key, *_ in self.columns}
         for number, table in enumerate(given, start=1):
             if not set(self.needed) <= set(table) <= known:
                 free = len(self.needed) < len(self.columns)
                 rest = f"; only {' and '.join(self.needed)} must be given" if free else ""
                 raise DescriptionError(f"point {number} = {dict(table)!r}", rule=f"a point is {example}{rest}")
-            row = []
+            row: list[Any] = []
             for key, mark, default in self.columns:
                 with naming(f"{key} of point {number}", kind=DescriptionError):
                     row.append(mark.read(table[key]) if key in table else default)
