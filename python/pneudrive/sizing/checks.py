@@ -580,6 +580,7 @@ def simulated(strokes: DriveStrokes, setting: Setting, draws: Array, rtol: float
         measure=f"{first} of {choice.parts[assumed[first]]}" if first else "",
         sizes=choice.sizes,
         intervals=intervals,
+        open_names=(),
     )
     samples = np.column_stack([*(one.margins for one in found), air])
     return replace(drive, open_names=open_names(choice, task, drive)), samples

@@ -533,15 +533,10 @@ class SizingFolder:
         about = json.loads(json.dumps(said))
         path = folder / ABOUT
         if path.exists():
-            self._lock()
-            try:
-                begun = json.loads(path.read_text("utf-8"))
-            except (OSError, ValueError) as error:
-                self.close()
-                raise CommandError(f"{path} cannot be read: {error}") from None
+            begun = read_json(path, CommandError)
             if differ := [key for key in about if begun.get(key) != about[key]]:
-                self.close()
                 raise CommandError.of("sizing.other_task", where=str(path), folder=folder, differ=", ".join(differ))
+            self._lock()
             self._stages = read_stages(folder / LINES)
             if (folder / LINES).is_file():
                 self._append("")  # ends a line that is incomplete

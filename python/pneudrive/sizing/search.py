@@ -375,8 +375,8 @@ class Search:
         rough = [one for one in every if one.settings is not None and not one.is_tuned]
         self._tune([one for one in every if one.settings is None])
         # Tuned settings in the folder are used; others are refined, up to the largest number of tuned choices.
-        for one in rough if self.folder is not None else ():
-            if (settings := self.folder.stored(one.choice.name)) is not None:
+        for one in rough:
+            if self.folder is not None and (settings := self.folder.stored(one.choice.name)) is not None:
                 one.take_settings(settings, is_tuned=True)
                 self.tuned += 1
         left = [one for one in rough if not one.is_tuned][: max(self.most - self.tuned, 0)]

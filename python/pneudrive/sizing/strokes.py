@@ -29,7 +29,7 @@ from pneudrive.ensemble.variation import DONE, CoreMembers, Starts, run_members
 from pneudrive.sizing.task import PROPORTIONAL, DriveChoice, PartChoice, SizingTask, energy_limit, peak_limit
 
 if TYPE_CHECKING:
-    from collections.abc import Generator, Iterable, Sequence
+    from collections.abc import Generator, Iterable, Mapping, Sequence
 
     Search = Generator["StrokeRuns", "StrokeResults", Any]
 
@@ -252,7 +252,8 @@ class DriveStrokes:
     def _numbers(self) -> NamedNumbers:
         """Numbers (SI) of all components by their paths in the core's form."""
         choice = self.choice
-        parts = {**choice.valve_paths, "cylinder": choice.cylinder.numbers, "load": {"mass": self.task.mass_kg}}
+        parts: dict[str, Mapping[str, float]] = {**choice.valve_paths, "cylinder": choice.cylinder.numbers}
+        parts["load"] = {"mass": self.task.mass_kg}
         for end in "ab":
             parts |= {f"tube_{end}": choice.tube.numbers, f"flow_control_{end}": choice.flow_control.numbers}
         return {f"{name}.{key}": value for name, of in parts.items() for key, value in of.items()}
