@@ -640,8 +640,7 @@ def design_of(vary: Keyed | EnsembleDesign, n: int | None = None, seed: int | No
         The mapping mixes these forms, or the number of members differs from the number of values.
     """
     if isinstance(vary, EnsembleDesign):
-        given = (n is not None and n != vary.members) or (seed is not None and seed != vary.seed)
-        if given:
+        if n not in (None, vary.members) or seed not in (None, vary.seed):
             raise CommandError("the design already has n and seed", remedy="Leave out n and seed.")
         return vary
     if not isinstance(vary, Mapping) or not vary:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import shutil
 import time
 from dataclasses import dataclass, replace
 from itertools import islice
@@ -22,6 +23,7 @@ from pneudrive.ensemble.outputs import STATE, SignalNames, member_plans, parted_
 from pneudrive.ensemble.variation import DONE, Variation, run_members
 from pneudrive.errors import CommandError, SimulationError, warn
 from pneudrive.files import seal
+from pneudrive.files.content import read_json
 from pneudrive.files.writing import make_result_folder
 from pneudrive.free.parameters import INITIAL
 from pneudrive.lazy_names import upper
@@ -175,14 +177,6 @@ class Members:
     study: EnsembleStudy
     frame: pl.DataFrame
     failed: int
-
-    @classmethod
-    def of(cls, study: EnsembleStudy, frames: Iterable[pl.DataFrame]) -> Members:
-        """Return the members of all chunks, which may come in any order."""
-        import polars as pl
-
-        frame = pl.concat(frames).sort("member")
-        return cls(study, frame, int((frame["status"] != DONE).sum()))
 
     @property
     def values(self) -> list[Array]:
@@ -361,32 +355,23 @@ class ChunkStore:
         size = study.chunks(members)[0].stop
         about: Plain = {"study": study.study_hash, "about": study.about(), "chunk_members": size}
         path = folder / STUDY
-        begun = self._begun(path)
-        if begun is None:
+        if not path.exists():
+            if folder.is_dir() and any(folder.iterdir()):
+                raise CommandError.of("ensemble.not_empty", folder=folder)
             make_result_folder(folder)
             write_whole(path, json.dumps(about, indent=1))
-        elif begun.get("study") != about["study"]:
+        begun = read_json(path, CommandError)
+        if not isinstance(begun, dict) or not isinstance(begun.get("chunk_members"), int):
+            raise CommandError(f"{path} is not the file of a study", remedy="Choose another folder.")
+        if begun.get("study") != about["study"]:
             before, names = begun.get("about", {}), {"description_hash": "drive", "duration_s": "duration"}
             now: Plain = about["about"]
             differ = [names.get(key, key) for key in now if before.get(key) != now[key]]
             shown = ", ".join(differ) or "study"
             raise CommandError.of("ensemble.other_study", where=str(path), folder=folder, differ=shown)
-        self.chunks = study.chunks((begun or about)["chunk_members"])
+        self.chunks = study.chunks(begun["chunk_members"])
         for unfinished in folder.glob(".pneudrive-*"):  # of a process that was killed while it wrote a chunk
             unfinished.unlink(missing_ok=True)
-
-    def _begun(self, path: Path) -> Plain | None:
-        try:
-            begun = json.loads(path.read_text("utf-8"))
-        except FileNotFoundError:
-            if self.folder.is_dir() and any(self.folder.iterdir()):
-                raise CommandError.of("ensemble.not_empty", folder=self.folder) from None
-            return None
-        except (OSError, ValueError) as error:
-            raise CommandError(f"{path} cannot be read: {error}") from None
-        if not isinstance(begun, dict) or not isinstance(begun.get("chunk_members"), int):
-            raise CommandError(f"{path} is not the file of a study", remedy="Choose another folder.")
-        return begun
 
     def path(self, first: int) -> Path:
         """Return the file of the chunk that begins with this member."""
@@ -408,38 +393,50 @@ class ChunkStore:
         about = {"pneudrive": json.dumps({"study": self.study.study_hash})}
         write_frame(frame, self.path(frame["member"][0]), about)
 
-    def frames(self, columns: list[str] | None = None) -> Iterator[pl.DataFrame]:
-        """Yield the chunks in order, with all columns or with the given ones."""
+    @property
+    def table(self) -> pl.LazyFrame:
+        """Members of all finished chunks, read when they are needed."""
         import polars as pl
 
-        for chunk in self.chunks:
-            yield pl.read_parquet(self.path(chunk.start), columns=columns)
-
-    def failed(self) -> int:
-        """Return the number of failed members."""
-        return sum(int((frame["status"] != DONE).sum()) for frame in self.frames(["status"]))
+        return pl.scan_parquet([self.path(chunk.start) for chunk in self.chunks])
 
     def remove(self) -> None:
         """Remove the folder with all chunks."""
-        for chunk in self.chunks:
-            self.path(chunk.start).unlink(missing_ok=True)
-        (self.folder / STUDY).unlink(missing_ok=True)
-        self.folder.rmdir()
+        shutil.rmtree(self.folder)
 
 
-def results(
-    study: EnsembleStudy, store: ChunkStore | None, members: int | None, executor: Executor | None, watch: Watch
-) -> Iterator[pl.DataFrame]:
-    """Run the missing chunks of a study. Store and yield each chunk.
+def run_study(
+    study: EnsembleStudy,
+    watch: Watch,
+    executor: Executor | None = None,
+    store: ChunkStore | None = None,
+    chunk: int | None = None,
+    in_memory: bool = True,
+) -> Members:
+    """Run the missing chunks of a study, store each of them, and return all members.
+
+    Parameters
+    ----------
+    study : EnsembleStudy
+    watch : Watch
+        Progress, in members.
+    executor : Executor, optional
+    store : ChunkStore, optional
+    chunk : int, optional
+        Number of members of a chunk, without `store`.
+    in_memory : bool
+        Whether to return the members. If false, the frame has no row.
 
     Raises
     ------
     Cancelled
         The flag of `watch` is set.
     """
-    chunks = study.chunks(members) if store is None else store.missing()
+    import polars as pl
+
+    chunks = study.chunks(chunk) if store is None else store.missing()
     total = study.rows.size
-    done = total - sum(map(len, chunks))
+    done, frames = total - sum(map(len, chunks)), list[pl.DataFrame]()
     # A cluster runs one chunk in each of its threads at a time.
     source = study if executor is None else replace(study, threads=study.threads or 1)
     parts = (source.part(chunk) for chunk in chunks)
@@ -450,11 +447,12 @@ def results(
     look(0)
     own = (part.run(look) for part in parts)
     for frame in own if executor is None else executor.map(EnsembleStudy.run, parts):
-        if store is not None:
-            store.write(frame)
+        store.write(frame) if store is not None else frames.append(frame)
         done += frame.height
         look(0)
-        yield frame
+    table = pl.concat(frames).lazy() if store is None else store.table
+    failed = table.select((pl.col("status") != DONE).sum()).collect().item()
+    return Members(study, (table.sort("member") if in_memory else table.clear()).collect(), failed)
 
 
 # --- One drive in many variants: simulated, reduced and labelled.
@@ -583,12 +581,7 @@ def simulate_many(
         what = f"{size} members are more than max_members_in_memory = {max_members_in_memory}"
         raise CommandError(what, remedy="Give a folder for their results: out=...")
     store = None if out is None else ChunkStore(Path(out), study, chunk)
-    done = results(study, store, chunk, executor, Watch(progress, cancel))
-    frames = [frame for frame in done if store is None]
-    if store is not None and not fits:
-        found = Members(study, next(store.frames()).clear(), store.failed())
-    else:
-        found = Members.of(study, frames if store is None else store.frames())
+    found = run_study(study, Watch(progress, cancel), executor, store, chunk, in_memory=fits)
     if found.failed:
         warn(f"{found.failed} of {size} members failed: see the columns status and reason")
     return found.dataset()

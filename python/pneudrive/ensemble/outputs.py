@@ -67,11 +67,10 @@ class MemberPlans:
         CommandError
             The numbers differ.
         """
-        of = {name: name.rpartition(".")[0] for name in self.steps}
-        found = {f"the command of {of[name]}" if of[name] else "the command": len(x) for name, x in self.steps.items()}
-        for what, length in {**found, "duration": len(self.durations)}.items():
+        commanded = {f"the command of {name.rpartition('.')[0]}": len(each) for name, each in self.steps.items()}
+        for what, length in {**commanded, "duration": len(self.durations)}.items():
             if length not in (1, size):
-                raise CommandError.of("ensemble.rows", what=what, length=length, size=size)
+                raise CommandError.of("ensemble.rows", what=what.removesuffix(" of "), length=length, size=size)
 
     def part(self, first: int, last: int) -> MemberPlans:
         """Return the commands and durations of the members `first` to ``last - 1``."""
@@ -127,8 +126,11 @@ def member_plans(command: Any, duration: Any, commandable: Mapping[str, CommandI
         Component that takes a command -> its electrical input.
     """
     rows: dict[str, EachSteps] = {}
-    if "" in commandable and not isinstance(command, Mapping):
-        rows[""] = read_rows(command, commandable[""])
+    if isinstance(command, list | tuple) and command and all(isinstance(one, Mapping) for one in command):
+        each = [dict(_member(place, commands.plans, one, commandable)) for place, one in enumerate(command)]
+        if any(set(one) != set(each[0]) for one in each):
+            raise CommandError("the members have commands of different components", rule="the same ones in each member")
+        rows = {name: [one[name] for one in each] for name in each[0]}
     elif isinstance(command, Mapping):
         for name, given in command.items():
             # Check with a placeholder for the steps that the component exists and does not have two commands.
@@ -137,12 +139,7 @@ def member_plans(command: Any, duration: Any, commandable: Mapping[str, CommandI
                 raise CommandError(f"two commands are given for {own}", remedy="Keep one of them.")
             with naming(own, CommandError):
                 rows[own] = read_rows(given, commandable[own])
-    elif isinstance(command, list | tuple) and command and all(isinstance(one, Mapping) for one in command):
-        each = [dict(_member(place, commands.plans, one, commandable)) for place, one in enumerate(command)]
-        if any(set(one) != set(each[0]) for one in each):
-            raise CommandError("the members have commands of different components", rule="the same ones in each member")
-        rows = {name: [one[name] for one in each] for name in each[0]}
-    elif _is_many(command) and not commands.are_named(command):
+    elif "" in commandable or (_is_many(command) and not commands.are_named(command)):
         ((own, _),) = commands.plans(0.0, commandable)
         rows[own] = read_rows(command, commandable[own])
     else:

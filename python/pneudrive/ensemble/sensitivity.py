@@ -12,10 +12,11 @@ import numpy as np
 from scipy.stats import bootstrap, qmc
 
 from pneudrive.ensemble.design import HALF_CELL, Rows, design_of
-from pneudrive.ensemble.many import EnsembleStudy, Executor, Members, results, study_of
+from pneudrive.ensemble.many import Executor, run_study, study_of
 from pneudrive.errors import CommandError, warn
 from pneudrive.lazy_names import upper
 from pneudrive.progress import Flag, Progress, Watch
+from pneudrive.simulation.simulate import whole_number
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -100,9 +101,9 @@ def sensitivity(
     >>> found.total.sel(output="max_velocity").idxmax().item()
     'load.mass'
     """
-    if isinstance(n, bool) or n < 2:
-        raise CommandError(f"n = {n} base points are too few", rule="at least 2")
-    design = replace(design_of(vary), members=n)
+    import xarray as xr
+
+    design = replace(design_of(vary), members=whole_number("n", n, 2))
     study = study_of(drive, command, duration, vary=design, outputs=outputs, initial=initial, rtol=rtol)
     rows = study.rows
     if rows.quantiles is None or design.correlation or design.fit is not None:
@@ -117,22 +118,16 @@ def sensitivity(
     study = replace(study, rows=Rows.table(rows.names, rows.quantiles(cube)))
     study.plans.check(study.rows.size)
     study.rows.check(study.variation)
-    found = Members.of(study, results(study, None, None, executor, Watch(progress, cancel)))
+    found = run_study(study, Watch(progress, cancel), executor)
     values = np.column_stack(found.values)
     lost = [one.name for one, column in zip(study.outputs, values.T, strict=True) if not np.isfinite(column).all()]
     if lost:
         members = f"{found.failed} of {study.rows.size} members failed; " if found.failed else ""
         warn(f"{members}some members have no {', '.join(lost)}: their points are left out")
-    return _labelled(study, sobol_indices(cube, values, seed=seed), about)
-
-
-def _labelled(study: EnsembleStudy, found: Mapping[str, NDArray[Any]], about: Keyed) -> xr.Dataset:
-    import xarray as xr
-
     upper("Pneu")  # registers `dataset.pneu`
     dimensions = ("end", "number", "output")
     variables = {}
-    for name, x in found.items():
+    for name, x in sobol_indices(cube, values, seed=seed).items():
         long_name = LONG_NAMES.get(name) or f"interval of the {LONG_NAMES[name.removesuffix('_interval')]}"
         variables[name] = (dimensions[-x.ndim :], x, {"long_name": long_name, "units": "1"})
     coordinates = {
@@ -141,9 +136,8 @@ def _labelled(study: EnsembleStudy, found: Mapping[str, NDArray[Any]], about: Ke
         "unit": ("output", [output.unit for output in study.outputs], {"long_name": "unit of the output"}),
         "end": ("end", ["lower", "upper"], {"long_name": "end of the interval"}),
     }
-    drive = study.variation.drive
-    citations = ["saltelli2010", "jansen1999"]
-    return xr.Dataset(variables, coordinates, {"title": drive.name, **about, "citations": citations})
+    about |= {"title": drive.name, "citations": ["saltelli2010", "jansen1999"]}
+    return xr.Dataset(variables, coordinates, about)
 
 
 def sobol_points(n: int, d: int, seed: int) -> Array:

@@ -43,7 +43,7 @@ COUPLED = (
 )
 #: Parameters of the drive that determine the default start state.
 STARTS_FROM = ("cylinder.stroke", "ambient.pressure", "ambient.temperature")
-#: Relative step of a parameter, or absolute step if it is 0, to find the values of a circuit that depend on it.
+#: Relative step of varied numbers, absolute for a 0, to find whether other start values depend on these numbers.
 NUDGE = 1e-3
 
 
@@ -128,8 +128,7 @@ class Variation:
 
     def reader(self, name: str) -> QuantityReader:
         """Return the reader of quantities, such as ``"25 mm"``, for a varied number."""
-        ambient = self.drive.ambient.pressure_pa
-        gauge_from = None if "ambient.pressure" in self.names else ambient
+        gauge_from = None if "ambient.pressure" in self.names else self.drive.ambient.pressure_pa
         return QuantityReader(self.numbers[self.names.index(name)], gauge_from)
 
     def single(self, row: Array) -> tuple[Any, Plain]:
@@ -163,15 +162,21 @@ class Variation:
             if f".{name}".endswith(f".{low}") and other in columns:
                 extremes.append((columns[name] / columns[other]).argmax())
         for place in sorted({int(extreme) for extreme in extremes}):
-            try:
-                drive, initial = self.single(rows[place])
-                drive.core_json()
-                drive.core_initial(initial)
-            except DescriptionError as error:  # noqa: PERF203 - reading a member takes longer
+            if error := self.fault(rows[place]):
                 values = zip(self.numbers, rows[place], strict=True)
                 shown = ", ".join(f"{number.name} = {number.written(float(si))}" for number, si in values)
                 what = f"row {first + place} of the design: {error.what}"
-                raise CommandError(what, value=shown, rule=error.rule, remedy=error.remedy) from None
+                raise CommandError(what, value=shown, rule=error.rule, remedy=error.remedy)
+
+    def fault(self, row: Array) -> DescriptionError | None:
+        """Return the error of a row that is not valid."""
+        try:
+            drive, initial = self.single(row)
+            drive.core_json()
+            drive.core_initial(initial)
+        except DescriptionError as error:
+            return error
+        return None
 
     def members(self, rows: Array) -> CoreMembers:
         """Return members in the form of the core.
@@ -220,17 +225,12 @@ class Variation:
             name: self.drive.start_names[name.removeprefix(free.INITIAL)] for name in self.names if name not in known
         }
         nominal = np.array([state[starts[name]] if name in starts else known[name].value for name in self.names])
-        base = self._each_start(nominal[None])
-        for place, name in enumerate(self.names):
-            row = nominal.copy()
-            row[place] += NUDGE * (abs(row[place]) or 1.0)
-            try:
-                nudged = self._each_start(row[None])
-            except DescriptionError:  # at a bound
-                return None
-            if any(nudged[key] != value for key, value in base.items() if key != starts.get(name)):
-                return None
-        return starts
+        nudged = nominal + NUDGE * np.where(nominal, np.abs(nominal), 1.0)
+        try:
+            base, moved = self._each_start(nominal[None]), self._each_start(nudged[None])
+        except DescriptionError:  # at a bound
+            return None
+        return starts if all(moved[key] == base[key] for key in base.keys() - set(starts.values())) else None
 
 
 class QuantityReader:
@@ -327,10 +327,7 @@ def run_members(
     values: dict[int, Array] = {}
     status, reasons = np.zeros(n, np.uint8), {}
 
-    def tell(count: float) -> None:
-        assert look is not None
-        look(done + count)
-
+    tell = None if look is None else lambda count: look(done + count)
     for at, steps, durations in plans.alike():  # members whose commands change at the same times
         places = np.arange(n)[at]
         part = members if len(places) == n else members.at(places)
@@ -349,9 +346,7 @@ def run_members(
         for rate in rates:  # the core samples at one rate in a run; unsampled outputs come with the first rate
             asked = [k for k, one in enumerate(kept) if (one.rate_hz if one.word == "samples" else rates[0]) == rate]
             try:
-                outcome = core.run(
-                    request | {"outputs": [_output(kept[k]) for k in asked]}, None if look is None else tell
-                )
+                outcome = core.run(request | {"outputs": [_output(kept[k]) for k in asked]}, tell)
             except ValueError as error:
                 raise CommandError(str(error)) from None
             except RuntimeError as error:

@@ -158,7 +158,7 @@ def test_points_with_a_failed_member_are_left_out_and_told():
     [
         ({"vary": {"load.mass": [1.0, 2.0]}}, "one distribution for each number"),
         ({"outputs": ["samples(position)"]}, "is sampled"),
-        ({"n": 1}, "too few"),
+        ({"n": 1}, "out of bounds"),
     ],
 )
 def test_what_has_no_sensitivity_is_refused(options, said):
