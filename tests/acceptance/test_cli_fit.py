@@ -121,7 +121,7 @@ def test_next_stops_are_a_protocol_that_the_rig_takes(folder, tmp_path, printed)
         (["fit", "{map}", "--laws", "stribek gaussian"], "Did you mean 'stribeck gaussian'"),
         (["fit", "{map}", "--pressure", "cubic"], "--pressure cubic is not known"),
         (["fit", "{map}", "--hold-out", "day"], "the friction map has no column 'day'"),
-        (["fit", "{map}", "--out", "fit.txt"], "a fit cannot be written there"),
+        (["fit", "{map}", "--out", "fit.txt"], "fit.txt: files ending in '.txt' cannot be written"),
         (["fit", "{map}", "--by", "seals"], "no column 'seals'"),
         (["design", "nothing.toml"], "there is no file nothing.toml"),
         (["design", "{fit}", "--points", "5", "--time", "1 h"], "cannot be given together"),

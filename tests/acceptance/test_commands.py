@@ -14,7 +14,6 @@ import typer
 
 import pneudrive as pn
 from pneudrive import _core
-from pneudrive.cli.commands import command_paths
 from pneudrive.cli.main import app, run
 from pneudrive.describe.components import component_class
 from pneudrive.describe.files.load import circuit_schema
@@ -79,7 +78,15 @@ def test_inline_commands_have_known_options():
     assert seen > 40
 
 
-@pytest.mark.parametrize("path", list(command_paths(app)), ids=" ".join)
+def command_paths(group, *before):
+    """Yield every shown command of a group and of its inner groups."""
+    for name in group.list_commands(None):
+        yield (*before, name)
+        if hasattr(inner := group.get_command(None, name), "table"):
+            yield from command_paths(inner, *before, name)
+
+
+@pytest.mark.parametrize("path", list(command_paths(typer.main.get_command(app))), ids=" ".join)
 def test_help_fits_one_screen_and_ends_with_examples(path, printed, monkeypatch):
     monkeypatch.setenv("COLUMNS", "80")
     text = printed([*path, "--help"]).rstrip()

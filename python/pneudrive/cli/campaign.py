@@ -22,7 +22,6 @@ from __future__ import annotations
 
 import signal
 import sys
-import threading
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
@@ -209,8 +208,7 @@ def _run(begin: Callable[..., campaigns.Result], again: str, **options: Any) -> 
 
     SIGTERM acts like Ctrl-C. During a campaign, the campaign itself handles Ctrl-C and SIGTERM.
     """
-    in_main = threading.current_thread() is threading.main_thread()  # others must not
-    before = signal.signal(signal.SIGTERM, signal.default_int_handler) if in_main else None
+    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         result = begin(**options)
     except PneudriveError as error:
@@ -220,8 +218,7 @@ def _run(begin: Callable[..., campaigns.Result], again: str, **options: Any) -> 
         sys.stderr.write(f"Finished cycles are kept. Resume: {again}\n")
         raise typer.Exit(EXIT_OTHER) from error
     finally:
-        if in_main:
-            signal.signal(signal.SIGTERM, before)
+        signal.signal(signal.SIGTERM, before)
     if result.ended == campaigns.DONE:
         typer.echo(f"{result.finished} cycles in {result.campaign.path}")
         return

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import inspect
 import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import nullcontext
 from functools import wraps
 from importlib import import_module
@@ -132,16 +132,6 @@ class LazyGroup(TyperGroup):
             path = f"{ctx.command_path} {args[0]}".removeprefix("pneudrive ")
             raise CommandError(f"there is no command '{path}'", remedy=nearest(args[0], self.list_commands(ctx)))
         return super().resolve_command(ctx, args)
-
-
-def command_paths(app: typer.Typer) -> Iterator[tuple[str, ...]]:
-    """Yield every shown command of a group as a list of words; commands of an inner group follow this group."""
-    kind: Any = app.info.cls
-    for name in chain(*kind.sections.values()):
-        yield (name,)
-        content = getattr(import_module(kind.table[name]), name)
-        if isinstance(content, typer.Typer):
-            yield from ((name, *rest) for rest in command_paths(content))
 
 
 def group(table: Mapping[str, str], text: str = "", sections: Sections | None = None) -> typer.Typer:

@@ -294,7 +294,6 @@ def export(
     file = controller if controller.endswith(".toml") else None
     described = None if drive is None else load.load_described(drive)  # it goes before the drive that the file names
     found = tuning.tune(None, None if file else controller, setup=setup, controller=file, believes=described)
-    told = {"version": fmi, "name": name, "precision": precision}
-    written = source_code.export(found, to, out, along=reference, **told)
+    written = source_code.export(found, to, out, along=reference, version=fmi, name=name, precision=precision)
     show_lines(f"setup {found.setup}")
     show_paths(*written)

@@ -133,8 +133,7 @@ def _show_fmu(done: FmuFile) -> None:
     for title, variables in (("inputs", done.inputs), ("outputs", done.outputs)):
         typer.echo(f"{title}: " + ", ".join(f"{variable.name} [{variable.unit}]" for variable in variables))
     typer.echo(f"parameters: {len(done.parameters)}, by the keys of the drive file; pressures are absolute")
-    system = f"{platform.system()} {platform.machine()}"
-    typer.echo(f"runs on {system} only, the system of this computer")
+    typer.echo(f"runs on {platform.system()} {platform.machine()} only, the system of this computer")
 
 
 def demo(*, out: Path = Path("out")) -> None:

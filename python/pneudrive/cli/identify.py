@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
+import re
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, Any
 
 import typer
 
 import pneudrive as pn
-from pneudrive.cli import terminal
 from pneudrive.cli.options import Count, names_in, one_of, quantity, sensor_options
 from pneudrive.cli.terminal import check_outputs, show_fit, show_paths, show_view, watch, writable_folder, write_text
 from pneudrive.constants import STANDARD_ATMOSPHERE_PA
@@ -37,14 +37,13 @@ with used_later(__name__):
     from pneudrive.validate import motion as friction_check
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
+    from collections.abc import Iterator, Sequence
 
     import xarray as xr
 
     from pneudrive.friction.campaign.result import CampaignCharacteristics
     from pneudrive.identify.design import Design
 
-LawFit: TypeAlias = "tuple[static_fits.FrictionFit, law_choice.LawComparison | None]"
 MOST_NAMED = 6  # largest number of values of a label in a message
 MAP_SUFFIXES = (".parquet", ".csv")
 #: Largest number of attempts to fit a protocol into the requested time, and time factor of each further attempt.
@@ -88,23 +87,35 @@ def fit(
     pneudrive fit map.parquet --hold-out pressure --out fit.toml
     """
     names = [one_of("--laws", name, model.NAMES) for name in names_in(laws) or model.CANDIDATES]
-    if pressure:
-        one_of("--pressure", pressure, dict.fromkeys(("none", *model.PRESSURE_FORMS)))
-    if out.suffix != ".toml" or not out.parent.is_dir():
-        raise CommandError(f"--out {out}: a fit cannot be written there", rule="FILE.toml in a folder that exists")
+    one_of("--pressure", pressure or "none", dict.fromkeys(("none", *model.PRESSURE_FORMS)))
+    check_outputs(out, (".toml",))
     curves, campaign = _map_of(source, layout)
     if friction_map.AMBIENT not in curves.attrs:
         typer.echo("- the map lacks the ambient pressure: 1.01325 bar is assumed", err=True)
         curves = curves.assign_attrs({friction_map.AMBIENT: STANDARD_ATMOSPHERE_PA})
     left_out = model.NOT_SLIDING if campaign is None else characteristics.NO_POINTS  # as characterise does
-    fit_part = partial(_fit_laws, names=names, pressure=pressure, hold_out=hold_out, left_out=left_out)
     for note in _averaged(curves, by):
         typer.echo(f"! {note}")
-    for group, part, (curve_fit, comparison) in _each_fit(curves, by, fit_part):
-        result = curve_fit if campaign is None else characteristics.with_dependences(curve_fit, campaign, part)
+    labels, unfitted = survey.row_labels(curves, by), 0
+    groups = dict.fromkeys(labels.tolist())
+    for group in groups:
+        part = curves.isel(row=(labels == group).nonzero()[0])
+        if group:
+            typer.echo(f"{by} {group}")
+        try:
+            result, comparison = _fit_laws(part, names, pressure, hold_out, left_out)
+        except FitError as problem:
+            unfitted += 1
+            if unfitted == len(groups):
+                raise
+            value = "" if problem.value is None else f" ({problem.value})"
+            typer.echo(f"! {group} is not fitted: {problem.what}{value}. {problem.remedy or ''}")
+            continue
+        if campaign is not None:
+            result = characteristics.with_dependences(result, campaign, part)
         if comparison is not None:
             show_view(comparison.view())
-        slug = terminal.file_name(group)
+        slug = re.sub(r"[^A-Za-z0-9._-]+", "-", group)
         target = out.with_stem(f"{out.stem}-{slug}") if group else out
         show_fit(result, target, report and report / slug)
     if by == "seal" and "seal" in curves and len(set(curves["seal"].to_numpy().tolist())) > 1:
@@ -174,42 +185,15 @@ def _averaged(curves: xr.Dataset, by: str) -> Iterator[str]:
             )
 
 
-def _each_fit(
-    curves: xr.Dataset,
-    by: str,
-    fit_part: Callable[[xr.Dataset], LawFit],
-) -> Iterator[tuple[str, xr.Dataset, LawFit]]:
-    """Yield each group with its rows, fit and comparison. Print groups that cannot be fitted; raise if all fail."""
-    groups = {"": curves}
-    if by:
-        labels = survey.row_labels(curves, by)
-        groups = {name: curves.isel(row=(labels == name).nonzero()[0]) for name in dict.fromkeys(labels.tolist())}
-    unfitted = 0
-    for group, part in groups.items():
-        if group:
-            typer.echo(f"{by} {group}")
-        try:
-            result = fit_part(part)
-        except FitError as problem:
-            unfitted += 1
-            if unfitted == len(groups):
-                raise
-            value = "" if problem.value is None else f" ({problem.value})"
-            typer.echo(f"! {group} is not fitted: {problem.what}{value}. {problem.remedy or ''}")
-        else:
-            yield group, part, result
-
-
 def _fit_laws(
     curves: xr.Dataset,
     names: list[str],
     pressure: str,
     hold_out: str,
     left_out: Sequence[str],
-) -> LawFit:
+) -> tuple[static_fits.FrictionFit, law_choice.LawComparison | None]:
     """Compare several laws and fit the recommended one; fit a single law directly."""
     forms = None if not pressure else () if pressure == "none" else (pressure,)
-    form = pressure or "linear"
     if len(names) > 1 or forms is None or hold_out:
         held = {"pressure": forms, "hold_out": hold_out or None, "exclude_flags": left_out}
         try:
@@ -220,7 +204,7 @@ def _fit_laws(
             typer.echo(f"- laws are not compared: {problem.what}; {names[0]} is fitted", err=True)
         else:
             return comparison.recommended.fit, comparison
-    how = {"pressure_dependence": form != "none", "pressure": form if form != "none" else "linear"}
+    how: Any = {} if pressure == "none" else {"pressure_dependence": True, "pressure": pressure or "linear"}
     return pn.fit_friction(curves, names[0], **how, exclude_flags=left_out), None
 
 
@@ -300,14 +284,13 @@ def apply(fit: Path, drive: str | None = None, *, out: Path | None = None) -> No
     found = files.read_fit(fit)
     if out is not None:
         found = replace(found, file=inputs.path_from(str(fit.resolve()), out.parent))
-    if isinstance(found, follow.FollowFit) and drive is None:
-        described = found.apply()
-    elif isinstance(found, follow.FollowFit | volume.RegulatorFit):
+    is_bound = isinstance(found, volume.RegulatorFit) or (isinstance(found, follow.FollowFit) and drive is not None)
+    if is_bound:
         raise CommandError(f"the values of a {found.TITLE} do not belong to a drive", where=fit)
-    elif drive is not None:
+    if drive is not None:
         target: Any = pn.Tank.load(drive) if isinstance(found, volume.VolumeFit) else load.load_described(drive)
         described = found.apply(target)
-    elif isinstance(found, volume.VolumeFit | drive_fits.DriveFit):
+    elif isinstance(found, follow.FollowFit | volume.VolumeFit | drive_fits.DriveFit):
         described = found.apply()
     else:
         raise CommandError.of("cli.no-drive")
@@ -344,9 +327,10 @@ def validate(
     pneudrive validate measured.toml other.parquet --out check
     """
     options = {"layout": layout, "progress": watch().tell}
+    tables = toml.tables_in(drive, DescriptionError, "`pneudrive apply --out` writes TOML.")
     if volume.RegulatorFit.is_file(drive):
         found: Any = pn.validate(volume.RegulatorFit.from_toml(drive), recordings, layout=layout)
-    elif follow.FollowFit.is_file(drive) or _is_circuit(drive):
+    elif follow.FollowFit.is_file(drive) or ("components" in tables and "valve" not in tables):
         found = pn.validate_motion(drive, recordings, **options)
     else:
         described = drive_fits.DriveFit.from_toml(drive) if drive_fits.DriveFit.is_file(drive) else pn.Drive.load(drive)
@@ -362,12 +346,6 @@ def validate(
     written = [*found.write(folder), found.report(folder)]
     show_view(found.view())
     show_paths(*written)
-
-
-def _is_circuit(path: str) -> bool:
-    """Return whether a file describes a circuit without the valve of a drive."""
-    tables = toml.tables_in(path, DescriptionError, "`pneudrive apply --out` writes TOML.")
-    return "components" in tables and "valve" not in tables
 
 
 def design(

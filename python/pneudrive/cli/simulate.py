@@ -15,7 +15,7 @@ import typer
 import pneudrive as pn
 from pneudrive.cli.options import Port, changed, command_of, names_in, pairs_in
 from pneudrive.cli.terminal import check_outputs, show_paths, show_view, watch, write_outputs
-from pneudrive.errors import CommandError, nearest
+from pneudrive.errors import CommandError
 from pneudrive.lazy_names import upper, used_later
 
 with used_later(__name__):
@@ -191,14 +191,12 @@ def sweep(
     missing = len(chunks.missing())
     if missing < len(chunks.chunks):
         typer.echo(f"{len(chunks.chunks) - missing} of {len(chunks.chunks)} chunks are already computed", err=True)
-    for _ in many.results(study, chunks, None, None, watch()):
-        pass  # each is kept in the store
+    members_run = many.run_study(study, watch(), store=chunks, in_memory=fits_memory)
+    if is_file:
+        members_run.save(out)
+        chunks.remove()
     if fits_memory:
-        gathered = many.Members.of(study, chunks.frames())
-        if is_file:
-            gathered.save(out)
-            chunks.remove()
-        show_view(gathered.view())
+        show_view(members_run.view())
     show_paths(out)
 
 
@@ -222,12 +220,7 @@ def _design(
             raise CommandError.of("cli.no-table", path=path)
         # The columns are names of parameters, with or without unit.
         known = {number.file_name: name for name, number in variation.all_numbers(drive).items()}
-        columns = trajectory.column_names(path)
-        for column in columns:
-            if column not in known and column not in known.values():
-                kind, remedy = drive.file_kind, nearest(column, known)
-                raise CommandError.of("cli.no-number", where=path, column=column, kind=kind, remedy=remedy)
-        table = trajectory.read_columns(path, columns).items()
+        table = trajectory.read_columns(path, trajectory.column_names(path)).items()
         return design.design_of({known.get(column, column): values for column, values in table}, members)
     return design.design_of(pairs_in("--vary", vary, "load.mass = uniform(1 kg, 2 kg)"), members, seed)
 
@@ -306,27 +299,24 @@ def platform(
     """
     check_outputs(out, (*PICTURES, *OF_RUNS))
     machine = pn.platform(cast("pn.Circuit", load.load_described(circuit)), name)
-    if out is not None and run is None and out.suffix.lower() in OF_RUNS:
+    columns = None if run is None else platform_page.read_platform_run(machine, run)
+    if out is None:
+        show_view(machine.view() if columns is None else platform_page.platform_run_view(machine, columns))
+        return
+    suffix = out.suffix.lower()
+    if suffix in PICTURES:
+        poses = None if columns is None else kinematics.motion_of(machine, columns)[0]
+        platform_page.draw_platform(machine, poses, out, dark=dark)
+    elif columns is None:
         raise CommandError(f"{out.name} needs a run", remedy="Add --run RUN.parquet, from pneudrive simulate --out.")
-    if out is not None and run is None:
-        platform_page.draw_platform(machine, path=out, dark=dark)
-    elif run is None:
-        show_view(machine.view())
+    elif suffix == ".html":
+        platform_page.write_platform_page(machine, columns, out)
+    elif suffix in (".parquet", ".csv"):
+        of_run = columns | kinematics.platform_outputs(machine, columns)
+        trajectory.save_columns(of_run, {"title": machine.name}, out)
     else:
-        columns = platform_page.read_platform_run(machine, run)
-        if out is None:
-            show_view(platform_page.platform_run_view(machine, columns))
-        else:
-            poses, suffix = kinematics.motion_of(machine, columns)[0], out.suffix.lower()
-            if suffix in PICTURES:
-                platform_page.draw_platform(machine, poses, out, dark=dark)
-            elif suffix == ".html":
-                platform_page.write_platform_page(machine, columns, out)
-            elif suffix in (".parquet", ".csv"):
-                of_run = columns | kinematics.platform_outputs(machine, columns)
-                trajectory.save_columns(of_run, {"title": machine.name}, out)
-            else:
-                platform_page.animate_platform(machine, columns["time_s"], poses, out, dark=dark)
+        poses = kinematics.motion_of(machine, columns)[0]
+        platform_page.animate_platform(machine, columns["time_s"], poses, out, dark=dark)
     show_paths(out)
 
 

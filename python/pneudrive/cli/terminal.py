@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import re
 import shutil
 import sys
 import time
@@ -35,6 +34,7 @@ WIDTH = 160
 MOST_ROWS = 60  # rows of a table on the terminal; files have all of them
 FIRST_S = 1.0  # s; shorter work shows no progress
 LINE_EVERY_S = 10.0  # s; between lines of progress if stderr is a file
+ERASED = "\r\x1b[K"  # start of an empty line in a terminal
 #: Environment variable for progress. With "json", each report is a line {"done": ..., "total": ..., "task": ...}.
 FORM, JSON = "PNEUDRIVE_PROGRESS", "json"
 
@@ -146,17 +146,11 @@ def show_paths(*paths: Path | None) -> None:
             typer.echo(str(path))
 
 
-def file_name(text: str) -> str:
-    """Return a text in a form that can be part of a file name."""
-    return re.sub(r"[^A-Za-z0-9._-]+", "-", text)
-
-
 def show_fit(fit: Fit, out: Path | None, report: Path | None) -> None:
     """Print a fit, and write its file and its report."""
     show_view(fit.view())
     write_outputs((out, fit.to_toml))
-    if report is not None:
-        show_paths(fit.report(report))
+    show_paths(report and fit.report(report))
 
 
 def write_text(text: str, out: Path | None) -> None:
@@ -176,7 +170,6 @@ class _Line:
 
     def __init__(self) -> None:
         self.began = self.written = time.monotonic()
-        self.width = 0
 
     def __call__(self, done: float, total: float, task: str) -> None:
         """Write the progress."""
@@ -186,11 +179,7 @@ class _Line:
         share = f"{done:g} of {total:g}" if total else f"{done:g}"
         text = f"{task}: {share}"
         if sys.stderr.isatty():
-            sys.stderr.write("\r" + text.ljust(self.width))
-            self.width = len(text)
-            if done >= total > 0:
-                sys.stderr.write("\r" + " " * self.width + "\r")
-                self.width = 0
+            sys.stderr.write(ERASED if done >= total > 0 else ERASED + text)
         elif now - self.written >= LINE_EVERY_S:
             self.written = now
             sys.stderr.write(text + "\n")
