@@ -90,11 +90,11 @@ def test_other_drives_and_files_are_those_of_python(served: Served, monkeypatch:
     names = run_python(copied["python"])
     assert np.array_equal(arrays["position_m"], names["run"].position.to_numpy())
     assert np.array_equal(arrays["1/position_m"], names["run_1"].position.to_numpy())
-    assert np.array_equal(arrays["2/position_m"], names["run_2"]["position_m"].to_numpy())
+    assert np.array_equal(arrays["2/position_m"], names["run_2"].position.to_numpy())
     light, kept = head["others"]
     off = np.abs(names["run"].pressure_a.to_numpy() - names["run_1"].pressure_a.to_numpy())
     assert light["largest"]["pressure_a_pa"] == off.max() > 1e3
-    assert kept["ends"]["velocity_m_s"] == names["run_2"]["velocity_m_s"][-1]
+    assert kept["ends"]["velocity_m_s"] == names["run_2"].velocity[-1]
     shell(served, copied["command"])
     assert np.array_equal(pl.read_parquet("light.parquet")["position_m"], arrays["1/position_m"])
     assert np.array_equal(pl.read_parquet("axis.parquet")["position_m"], arrays["position_m"])
@@ -126,8 +126,7 @@ def test_a_trajectory_of_any_kind_is_read_by_the_copied_python(served: Served, m
         save(run, f"kept.{suffix}")
         copied = post(served, "/api/copy", ASKED | {"others": [f"kept.{suffix}"], "columns": SHOWN})
         names = run_python(copied["python"])
-        name = "position" if suffix == "nc" else "position_m"
-        assert np.array_equal(names["run_1"][name].to_numpy(), run.position.to_numpy())
+        assert np.array_equal(names["run_1"].position.to_numpy(), run.position.to_numpy())
 
 
 def test_a_band_is_that_of_many_members(served: Served, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -134,17 +134,6 @@ def test_of_savers_who_know_the_same_text_one_succeeds(served: Served, is_new: b
             assert sum(pool.map(save, range(8))) == 1
 
 
-def test_an_unchanged_save_counts_as_a_save(served: Served) -> None:
-    place = Workspace.at(served.folder)
-    text, known = place.read("axis.toml")
-    again = place.write("axis.toml", text, known)
-    with pytest.raises(ChangedError):
-        place.write("axis.toml", f"{text}\n", known)
-    place.write("axis.toml", f"{text}\n", again)
-    reread = Workspace.at(served.folder)  # a server that begins anew knows the text alone
-    assert reread.write("axis.toml", text, reread.read("axis.toml")[1])
-
-
 def test_empty_lines_do_not_stop_the_server(served: Served) -> None:
     for name, text in {
         "blank": "\n" * 60_000,

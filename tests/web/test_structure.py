@@ -12,8 +12,8 @@ import pneudrive as pn
 from pneudrive.describe.circuit import Circuit
 from pneudrive.describe.kinds import component_kinds
 from pneudrive.errors import CommandError
+from pneudrive.web.drive.description import kinds, restructured
 from pneudrive.web.drive.run_request import described_at
-from pneudrive.web.drive.structure import kinds, restructured
 from pneudrive.web.workspace import Workspace
 from web.client import get, post, run_line, run_python
 from web.conftest import Served
@@ -69,6 +69,7 @@ def test_a_line_is_cut_and_joined_again(workspace: Workspace) -> None:
     cut = changed(workspace, PAIR, "cut", "left.a")
     assert frozenset(("fc_la.2", "ambient")) in joints(workspace, cut)  # an open hose
     assert "left.a" in circuit(workspace, cut).plugged
+    assert '"fc_la.2 -> silencer.1"' in changed(workspace, cut, "add", "fc_la.2", kind="silencer")
     again = changed(workspace, cut, "join", "left.a", "fc_la.2")
     assert joints(workspace, again) == joints(workspace, PAIR)
     assert "plugged" not in again

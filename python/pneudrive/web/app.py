@@ -10,9 +10,6 @@ import asyncio
 import json
 import platform
 import re
-from functools import cache
-from importlib import import_module
-from inspect import Parameter, signature
 from mimetypes import guess_type
 from typing import TYPE_CHECKING, Any
 
@@ -31,23 +28,20 @@ from pneudrive.web.drop import take
 from pneudrive.web.guard import DROP, REPORTS, new_token
 from pneudrive.web.jobs import READY, JobRequest, PageJobs
 from pneudrive.web.live import live
-from pneudrive.web.messages import PageRequest, page_error, problems_of, request_of, table_of
-from pneudrive.web.workspace import MOST_FILES, ChangedError, Workspace
+from pneudrive.web.messages import answer_of, page_error, problems_of, table_of
+from pneudrive.web.workspace import MOST_FILES, ChangedError, Workspace, fingerprint
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Mapping
 
     from starlette.websockets import WebSocket
 
 
-PLATFORM = f"{platform.system()} {platform.machine()}"
 #: Permissions of a report in a browser: only to be viewed and saved.
 SANDBOX = f"{POLICY}; frame-ancestors 'none'; sandbox allow-same-origin allow-downloads"
 _PICTURE = re.compile(rf"{FIGURES}/[\w.+-]+\.(?:png|svg)")
 BUILD_FILE, FRAME = "/build.json", "application/octet-stream"
-#: Method and address -> function that answers. The parameters of the function define the request: ``workspace``,
-#: ``control`` and ``build`` come from the server, ``given`` is the whole table, and all others are validated by their
-#: annotations.
+#: Method and address -> function that answers, see `answer_of`.
 ANSWERS: dict[str, str] = {
     route: f"{module}:{function}"
     for module, routes in package_table(__file__, "routes.toml").items()
@@ -111,7 +105,10 @@ def _route(name: str, function: str, known: Keyed) -> Route:
         query = {**request.query_params, "if_match": request.headers.get("if-match", "").strip('"')}
         body = await request.body()
         try:
-            answer = await asyncio.to_thread(_answer, function, query, None if method == "GET" else body, known)
+            table = query if method == "GET" else {**query, **table_of(body)}
+            answer = await asyncio.to_thread(answer_of, function, table, known, has_defaults=method == "GET")
+            if isinstance(answer, JobRequest):
+                answer = await asyncio.to_thread(known["workspace"].state(PageJobs).start, answer)
             if isinstance(answer, bytes):
                 return Response(answer, media_type=FRAME)
             try:
@@ -119,7 +116,7 @@ def _route(name: str, function: str, known: Keyed) -> Route:
             except (TypeError, ValueError):  # arrays and records become plain data, infinite values and NaN null
                 return JSONResponse(plain_data(answer))
         except ChangedError as changed:
-            there = {"text": changed.text, "sha256": changed.version}
+            there = {"text": changed.text, "sha256": fingerprint(changed.text)}
             return JSONResponse({"problems": problems_of(CommandError(str(changed))), **there}, status_code=412)
         except (KeyboardInterrupt, SystemExit, asyncio.CancelledError):
             raise
@@ -127,29 +124,6 @@ def _route(name: str, function: str, known: Keyed) -> Route:
             return _problems(page_error(error, query.get("path", "")))
 
     return Route(path, endpoint, methods=[method])
-
-
-def _answer(name: str, query: Mapping[str, str], body: bytes | None, known: Keyed) -> Any:  # noqa: ANN401 - plain data, or a frame
-    """Call a function of `ANSWERS` with the values of a request, and start the job that it returns.
-
-    Texts missing in a GET request are empty.
-    """
-    function, parameters, request = _door(name)
-    required = [key for key, field in request.model_fields.items() if field.is_required()]
-    table = {**dict.fromkeys(required, ""), **query} if body is None else {**query, **table_of(body)}
-    models = [key for key, each in parameters.items() if hasattr(each.annotation, "model_fields")]
-    values = {**known, "given": table, **vars(request.of({**table, **dict.fromkeys(models, table)}))}
-    answer = function(**{key: values[key] for key in parameters})
-    return known["workspace"].state(PageJobs).start(answer) if isinstance(answer, JobRequest) else answer
-
-
-@cache
-def _door(name: str) -> tuple[Callable[..., Any], Mapping[str, Parameter], type[PageRequest]]:
-    """Return a function of `ANSWERS`, its parameters, and the model of those that come from a request."""
-    module, _, function = name.partition(":")
-    found = getattr(import_module(f"pneudrive.web.{module}"), function)
-    parameters = signature(found, eval_str=True).parameters
-    return found, parameters, request_of(found, "workspace", "control", "build", "given")
 
 
 def _problems(error: PneudriveError, status: int = 400) -> JSONResponse:
@@ -168,7 +142,7 @@ def studies(workspace: Workspace, control: bool, build: str, state: str) -> Plai
         "state": new,
         "folder": workspace.root.name or str(workspace.root),
         "version": __version__,
-        "platform": PLATFORM,
+        "platform": f"{platform.system()} {platform.machine()}",
         "build": build,
         "protocols": READY,
         "control": control,

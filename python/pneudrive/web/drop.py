@@ -19,8 +19,6 @@ from pneudrive.web.workspace import TABLES, Workspace
 
 #: Space that stays free on the disk, bytes.
 RESERVE = 1 << 30
-#: Number of bytes between two checks of the free disk space.
-LOOK_BYTES = 1 << 26
 #: Folder of recordings with their layout, part of every installation, and name of the folder for their copies.
 SHIPPED, EXAMPLE = Path(__file__).parents[1] / "data" / "demo", "example"
 
@@ -49,16 +47,15 @@ async def take(workspace: Workspace, name: str, expected: int | None, pieces: As
     if target.exists():
         raise CommandError(f"{name} already exists", remedy="Rename one of the two.")
     folder = workspace.root
-    _check_room(folder, name, expected or 0)
-    part, size, looked = folder / f".pneudrive-{secrets.token_hex(8)}.part", 0, 0
+    free = shutil.disk_usage(folder).free
+    if (expected or 0) > free - RESERVE:
+        raise CommandError.of("web.disk", name=name, free=free / 1e9)
+    part, size = folder / f".pneudrive-{secrets.token_hex(8)}.part", 0
     try:
         with part.open("xb") as file:
             async for piece in pieces:
                 await asyncio.to_thread(file.write, piece)
                 size += len(piece)
-                if size - looked > LOOK_BYTES:
-                    _check_room(folder, name, 0)
-                    looked = size
         if expected is not None and size != expected:
             raise CommandError.of("web.cut-off", name=name, size=size, expected=expected)
         _place(part, target)
@@ -133,12 +130,6 @@ def add_example(workspace: Workspace) -> Plain:
         reason = error.strerror if isinstance(error, OSError) else error.what.rpartition(": ")[2]
         raise CommandError(f"{EXAMPLE} cannot be written: {reason}") from None
     return {"path": f"{EXAMPLE}/{files[1].name}"}
-
-
-def _check_room(folder: Path, name: str, size: int) -> None:
-    free = shutil.disk_usage(folder).free
-    if size > free - RESERVE:
-        raise CommandError.of("web.disk", name=name, free=free / 1e9)
 
 
 def _place(part: Path, target: Path) -> None:

@@ -13,20 +13,15 @@ import threading
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
 
-from pydantic import StrictFloat
-
-from pneudrive.arrays import Plain
+from pneudrive.arrays import Plain, attributes_of
 from pneudrive.batching import child_command, processors
 from pneudrive.errors import CommandError
-from pneudrive.web.messages import bounded, words
-from pneudrive.web.workspace import DESCRIPTIONS, Workspace, last_lines, log_folder
+from pneudrive.web.workspace import Workspace, last_lines, log_folder
 
-RESULTS, CAMPAIGNS = "results", "campaigns"
+RESULTS = "results"
 READY = ("quick-look", "stops-pressure", "paper-speed", "paper-pressure", "paper-stops", "asymmetric-pressures")
 RIG = "default"  # simulated: a real rig can only be started from a terminal
-FASTEST = 1e6
 LAST_LINES, LAST_BYTES = 40, 1 << 16
 REPORT = '{"done": '  # beginning of a line of progress
 NOTHING_BEGUN = "Interrupted before any result was finished: nothing was written."
@@ -63,41 +58,10 @@ class JobRequest:
         return f"{shlex.join(['mkdir', '-p', folder])}\n{line}" if self.is_new and folder else line
 
 
-def requested_campaign(
-    workspace: Workspace,
-    pace: Annotated[StrictFloat | None, bounded(1.0, FASTEST, f"1 to {FASTEST:.0e}, or none")] = None,
-    resume: str | None = None,
-    protocol: object = None,
-    name: object = None,
-) -> JobRequest:
-    """Return the job that runs a protocol on the simulated rig into a new folder, or continues in a folder.
-
-    Raises
-    ------
-    CommandError
-        The protocol or the folder is not in the workspace, or the speed is not a number.
-    """
-    speed = None if pace is None else f"{pace:g}"
-    if resume is not None:
-        existing_folder(workspace, resume)
-        return JobRequest(words("campaign resume", resume, yes=True, speed=speed), resume, is_new=False)
-    source, out = protocol_named(protocol, workspace), f"{CAMPAIGNS}/{folder_name(name)}"
-    return JobRequest(words("campaign run", source, rig=RIG, out=out, yes=True, speed=speed), out)
-
-
-def existing_folder(workspace: Workspace, name: str, kind: str = "folder") -> Path:
-    """Return the path of a folder that exists."""
-    folder = workspace.folder(name)
-    if not folder.is_dir():
+def check_folder(workspace: Workspace, name: str, kind: str = "folder") -> None:
+    """Reject a folder that does not exist."""
+    if not workspace.folder(name).is_dir():
         raise CommandError(f"there is no {kind} {name}")
-    return folder
-
-
-def protocol_named(protocol: object, workspace: Workspace) -> str:
-    """Return the named protocol: one of `READY`, or a file of the workspace."""
-    if not isinstance(protocol, str) or not (protocol in READY or workspace.path(protocol, DESCRIPTIONS).is_file()):
-        raise CommandError(f"there is no protocol {str(protocol)[:80]}", rule=f"a file, or {', '.join(READY)}")
-    return protocol
 
 
 def folder_name(given: object) -> str:
@@ -138,8 +102,7 @@ class PageJob:
         return {
             "number": self.number,
             "kind": self.request.arguments[0],
-            "command": self.request.command,
-            "out": self.request.out,
+            **attributes_of(self.request, "command", "out"),
             "state": state,
             "ends": self.cancelled,
             "tail": NOTHING_BEGUN if state == "cancelled" and not self.folder.exists() else tail,

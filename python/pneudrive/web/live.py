@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 import threading
 from collections.abc import Sequence
-from functools import lru_cache
 
 import numpy as np
 from starlette.websockets import WebSocket, WebSocketDisconnect
@@ -16,19 +15,23 @@ from pneudrive.simulation.run_view import run_view
 from pneudrive.simulation.trajectory import meaning
 from pneudrive.units import readable
 from pneudrive.views import SentValue
-from pneudrive.web.drive.beside import ExtrasRequest
-from pneudrive.web.drive.run_request import Run, RunLimit, described_at, with_changes
+from pneudrive.web.drive.run_request import ExtrasRequest, Run, RunLimit, described_at, with_changes
 from pneudrive.web.guard import PROTOCOL
 from pneudrive.web.measured.tiles import drawn_columns
-from pneudrive.web.messages import pack, page_error, problems_of, request_of, table_of
+from pneudrive.web.messages import answer_of, pack, page_error, problems_of, table_of
 from pneudrive.web.workspace import Workspace
 
 #: Panels of the page: quantity of the columns in it, its SI unit, and its title.
 PANELS: list[list[str]] = package_table(__file__, "panels.toml")["run"]
-ANSWERED = threading.Event()  # longest run for a page
+#: Kind of a request other than a run -> function that answers, see `answer_of`.
+ANSWERS = {
+    "window": "measured.recordings:shown_window",
+    "control": "drive.control:answer",
+    "validation": "measured.validation:frame_of",
+}
+ANSWERED = threading.Event()  # set by the first answer
 MOST_CURVES = 8  # curves in a panel: as many as there are line styles
-MOST_IMPACTS = 40
-MOST_EVENTS = 40  # moments marked above the curves
+MOST_IMPACTS = MOST_EVENTS = 40  # impacts, and moments marked above the curves
 AT_REST_M_S = 1e-3  # a piston slower than this is at rest
 LONG_REST = 20  # samples without motion that are marked as a rest
 
@@ -69,20 +72,8 @@ def answer(workspace: Workspace, message: str, limit: RunLimit | None = None) ->
     try:
         asked = table_of(message)
         number, path = asked.get("number"), asked.get("path")
-        match asked.get("what"):
-            case "window":
-                from pneudrive.web.measured import recordings
-
-                return recordings.shown_window(workspace, asked)
-            case "control":
-                from pneudrive.web.drive import control
-
-                return control.answer(workspace, asked, limit)
-            case "validation":
-                from pneudrive.web.measured import validation
-
-                request = request_of(validation.frame_of, "workspace").of(asked)
-                return validation.frame_of(workspace, **vars(request))
+        if name := ANSWERS.get(str(asked.get("what"))):
+            return answer_of(name, asked, {"workspace": workspace, "limit": limit})  # type: ignore[no-any-return]
         extras = ExtrasRequest.of(asked)
         described = with_changes(described_at(workspace, extras.path, extras.text), extras.changes)
         run = extras.run(workspace, described, limit)
@@ -139,7 +130,6 @@ def frame_of(run: Run, panels: Sequence[Plain], pixels: int, head: Plain, beside
     return pack(head, {**drawn_columns(columns, pixels), **beside})
 
 
-@lru_cache(maxsize=4096)
 def _quantity(column: str) -> tuple[str, str]:
     """Return the quantity of a column, independent of component and chamber, and its unit."""
     name, unit, _ = meaning(column)

@@ -11,7 +11,8 @@ import shlex
 import struct
 import zlib
 from functools import cache
-from inspect import signature
+from importlib import import_module
+from inspect import Parameter, signature
 from traceback import print_exception
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -19,13 +20,13 @@ import numpy as np
 import pydantic
 from pydantic import AfterValidator, BaseModel, FiniteFloat, StrictInt, StrictStr, ValidationError, WrapValidator
 
-from pneudrive.arrays import Keyed, Plain
+from pneudrive.arrays import Keyed, Plain, attributes_of
 from pneudrive.errors import CommandError, PneudriveError, package_table
 from pneudrive.figures import plain_data
 from pneudrive.web.workspace import safe
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Mapping
 
     from typing_extensions import Self
 
@@ -77,10 +78,8 @@ def problems_of(error: PneudriveError) -> list[Plain]:
                 "file": (file if line.isdigit() else one.where or "").rpartition("/")[2],
                 "line": int(line) if line.isdigit() else None,
                 "key": getattr(one, "key", None),
-                "what": one.what,
                 "value": None if one.value is None else str(one.value),
-                "rule": one.rule,
-                "remedy": one.remedy,
+                **attributes_of(one, "what", "rule", "remedy"),
             }
         )
     return out
@@ -155,15 +154,47 @@ class PageRequest(BaseModel):
             raise wrong_request() from None
 
 
+#: Parameters of a function that answers which do not come from a request.
+OF_SERVER = ("workspace", "control", "build", "limit", "given")
+
+
 @cache
-def request_of(function: Callable[..., Any], *known: str) -> type[PageRequest]:
-    """Return a model for a request. It has all parameters of a function except those in `known`."""
+def _door(name: str) -> tuple[Callable[..., Any], Mapping[str, Parameter], type[PageRequest]]:
+    """Return a function by ``module:function``, its parameters, and the model of those that come from a request."""
+    module, _, function = name.partition(":")
+    found = getattr(import_module(f"pneudrive.web.{module}"), function)
+    parameters = signature(found, eval_str=True).parameters
     fields: Plain = {
         key: (each.annotation, ... if each.default is each.empty else each.default)
-        for key, each in signature(function, eval_str=True).parameters.items()
-        if key not in known
+        for key, each in parameters.items()
+        if key not in OF_SERVER
     }
-    return pydantic.create_model(function.__name__, __base__=PageRequest, **fields)
+    return found, parameters, pydantic.create_model(function, __base__=PageRequest, **fields)
+
+
+def answer_of(name: str, table: Keyed, known: Keyed, *, has_defaults: bool = False) -> Any:  # noqa: ANN401 - plain data, or a frame
+    """Call the function of an address with the values of a request.
+
+    The parameters of the function define the request: those in `OF_SERVER` come from the server, where ``given`` is the
+    whole table. All others are validated by their annotations.
+
+    Parameters
+    ----------
+    name : str
+        ``module:function``
+    table : mapping
+        Request.
+    known : mapping
+        Values from the server.
+    has_defaults : bool
+        Whether missing texts are empty.
+    """
+    function, parameters, request = _door(name)
+    if has_defaults:
+        table = {key: "" for key, field in request.model_fields.items() if field.is_required()} | dict(table)
+    models = [key for key, each in parameters.items() if hasattr(each.annotation, "model_fields")]
+    values = {**known, "given": table, **vars(request.of({**table, **dict.fromkeys(models, table)}))}
+    return function(**{key: values[key] for key in parameters})
 
 
 def table_of(request: str | bytes) -> Plain:

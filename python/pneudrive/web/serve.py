@@ -28,7 +28,6 @@ MOST_MESSAGE = 1 << 16  # largest message of the socket, bytes
 SWITCH_S = 5e-4  # thread switch interval, s: with the default of 5 ms, answers would wait for importing threads
 MOST_WAIT_S = 2.0  # the same until the first answer of a run
 _LIBRARIES = ("starlette", "uvicorn", "websockets", "tomlkit")
-_NEEDED = 'pip install "pneudrive[web]"'
 
 
 def serve(
@@ -60,7 +59,7 @@ def serve(
     """
     for name in _LIBRARIES:
         if find_spec(name) is None:
-            raise CommandError(f"the page needs {name}", remedy=_NEEDED)
+            raise CommandError(f"the page needs {name}", remedy='pip install "pneudrive[web]"')
     workspace, page = Workspace.at(folder), built_page()
     # The protocol is set explicitly. Otherwise asyncio delays small packets by 40 ms each.
     with socket.socket(socket.AF_INET, socket.SOCK_STREAM, socket.IPPROTO_TCP) as listening:

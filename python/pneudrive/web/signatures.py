@@ -27,7 +27,7 @@ from pneudrive.simulation.trajectory import SUFFIXES, columns_in, meaning
 from pneudrive.sizing.result import LOCK
 from pneudrive.sizing.search import DRAWS_BEST_OF
 from pneudrive.web.drive.run_request import described_at
-from pneudrive.web.jobs import RESULTS, RIG, JobRequest, existing_folder, folder_name
+from pneudrive.web.jobs import RESULTS, RIG, JobRequest, check_folder, folder_name
 from pneudrive.web.measured.recordings import layout_in
 from pneudrive.web.messages import keywords, python, words, wrong_request
 from pneudrive.web.workspace import DESCRIPTIONS, TABLES, Workspace, is_in_catalogue
@@ -266,11 +266,11 @@ def requested_job(workspace: Workspace, given: Plain) -> JobRequest:
         raise wrong_request()
     if kind == "characterise" and isinstance(campaign := given.get("campaign"), str):
         out = f"{RESULTS}/{folder_name(given.get('name'))}"
-        existing_folder(workspace, campaign, "campaign")
+        check_folder(workspace, campaign, "campaign")
         return JobRequest(words(kind, campaign, out=out), out, python=python("campaign", folder=campaign))
     if kind == "size" and (folder := given.get("resume")) is not None:
         if is_held(workspace.folder(folder) / LOCK):
             raise CommandError(f"a process searches in {folder} already", remedy="Wait until this process ends.")
-        existing_folder(workspace, folder)
+        check_folder(workspace, folder)
         return _job_of(kind, {**given, "name": "sizing"}, workspace, folder)
     return _job_of(kind, given, workspace)

@@ -11,7 +11,6 @@ import hashlib
 import os
 import posixpath
 import re
-import secrets
 import shutil
 import sys
 import tempfile
@@ -47,9 +46,9 @@ _FORBIDDEN, _NO_UTF8 = re.compile(r"[\x00-\x1f\x7f\\\ud800-\udfff]"), re.compile
 class ChangedError(Exception):
     """The file has changed since the page read it. It is not overwritten."""
 
-    def __init__(self, text: str, version: str) -> None:
+    def __init__(self, text: str) -> None:
         super().__init__("the file changed on disk")
-        self.text, self.version = text, version
+        self.text = text
 
 
 @dataclass(frozen=True)
@@ -69,7 +68,6 @@ class Workspace:
     root: Path
     #: Secret in the address of a report -> its folder. See `pneudrive.web.app.report_address`.
     reports: dict[str, str] = field(default_factory=dict, init=False, repr=False, compare=False)
-    _saves: dict[Path, tuple[str, ...]] = field(default_factory=dict, init=False, repr=False, compare=False)
     _states: dict[Any, Any] = field(default_factory=dict, init=False, repr=False, compare=False)
     _lock: threading.Lock = field(default_factory=threading.Lock, init=False, repr=False, compare=False)
 
@@ -174,19 +172,12 @@ class Workspace:
                 yield Listed(path, kind, status.st_size, status.st_mtime)
 
     def read(self, name: str) -> tuple[str, str]:
-        """Return the text of a file and its version. See `write`."""
-        path = self.path(name, DESCRIPTIONS)
-        text = read_text(path, CommandError)
-        return text, self._version(path, text)
-
-    def _version(self, path: Path, text: str) -> str:
-        return "-".join([fingerprint(text), *self._saves.get(path, ())])
+        """Return the text of a file and its version, the SHA-256 of the text."""
+        text = read_text(self.path(name, DESCRIPTIONS), CommandError)
+        return text, fingerprint(text)
 
     def write(self, name: str, text: str, known: str | None) -> str:
         """Write a file that has not changed since the page read it, and return its new version.
-
-        A version is the SHA-256 of the text. If the text is unchanged, a random word is appended, so that a second
-        writer with the same version notices the save.
 
         Parameters
         ----------
@@ -201,28 +192,21 @@ class Workspace:
         CommandError
             The file cannot be written.
         """
-        path, there, is_same = self.path(name, DESCRIPTIONS), "", False
+        path = self.path(name, DESCRIPTIONS)
         with alone_in(self.root):  # two writers with the same version: the second one gets an error
-            if exists(path):
-                there = read_text(path, CommandError)
-                is_same = known is not None and known.startswith(fingerprint(there))
-                if not is_same or (path in self._saves and known != self._version(path, there)):
-                    raise ChangedError(there, self._version(path, there))
-                if "\r\n" in there:  # line ends of the file: an editor in a browser only has "\n"
-                    text = text.replace("\r\n", "\n").replace("\n", "\r\n")
-            elif known is not None:
-                raise ChangedError("", fingerprint(""))
-            elif not path.parent.is_dir():
+            there = read_text(path, CommandError) if exists(path) else None
+            if known != (there if there is None else fingerprint(there)):
+                raise ChangedError(there or "")
+            if there is None and not path.parent.is_dir():
                 raise CommandError(f"there is no folder {path.parent.name}", remedy="Make it first.")
+            if "\r\n" in (there or ""):  # line ends of the file: an editor in a browser only has "\n"
+                text = text.replace("\r\n", "\n").replace("\n", "\r\n")
             try:
                 with whole(path) as temporary:
                     temporary.write_bytes(text.encode())
             except OSError as error:
                 raise CommandError(f"{name[:80]} cannot be written", rule=error.strerror or str(error)) from None
-            self._saves.pop(path, None)
-            if is_same and there == text:
-                self._saves[path] = (secrets.token_hex(4),)
-            return self._version(path, text)
+        return fingerprint(text)
 
 
 class NewNames:

@@ -23,6 +23,7 @@ from pneudrive.control.tuning import Controller, laws
 from pneudrive.describe.files import toml
 from pneudrive.errors import Cancelled, CommandError, PneudriveError, package_table
 from pneudrive.progress import Watch
+from pneudrive.report.page import Topic
 from pneudrive.report.trajectory import error_unit, gain_rows, tracks_of
 from pneudrive.views import ShownTable, View
 from pneudrive.web.drive.run_request import Described, Run, RunLimit, check_samples, described_at
@@ -104,7 +105,7 @@ class ControlRequest(PageRequest):
 
     @property
     def _options(self) -> Plain:
-        return {"setup": self.setup, "seed": self.seed, "mismatch": self.mismatch, "duration": self.duration}
+        return attributes_of(self, "setup", "seed", "mismatch", "duration")
 
     def as_command(self, names: NewNames) -> str:
         """Return the shell lines that make the same run in the folder of the workspace."""
@@ -112,7 +113,7 @@ class ControlRequest(PageRequest):
         stem = posixpath.splitext(self.path.rpartition(":")[2].rpartition("/")[2])[0] or "axis"
         if self.gains:
             law = names.of(f"{stem}-{self.law}", ".toml")
-            file = toml.write({"schema": 1, "law": self.law, "gains": self.gains})
+            file = toml.write({"schema": 1, **attributes_of(self, "law", "gains")})
             text = f"{shlex.join(['printf', '%s', file])} > {shlex.quote(law)}\n"
         out = names.of(f"{stem}-control")
         line = words("control run", self.path, controller=safe(law), **self._options, out=out)
@@ -166,15 +167,14 @@ def _reference(workspace: Workspace, text: str) -> str:
     return str(workspace.path(text, files)) if text.endswith(files) else text
 
 
-def answer(workspace: Workspace, asked: Keyed, limit: RunLimit) -> bytes:
-    """Run the request of a message, and return the answer as a frame with the number of the request.
+def answer(workspace: Workspace, request: ControlRequest, limit: RunLimit, number: object = None) -> bytes:
+    """Run a request, and return the answer as a frame with the number of the request.
 
     Raises
     ------
     PneudriveError
         As for `ControlRequest.run`.
     """
-    request = ControlRequest.of(asked)
     began = time.monotonic()
     prepared, run = request.run(workspace, limit)
     took = time.monotonic() - began
@@ -189,7 +189,7 @@ def answer(workspace: Workspace, asked: Keyed, limit: RunLimit) -> bytes:
     ]
     deviation = read_mismatch(_ready(workspace, request.mismatch, "mismatch"))[0].about if request.mismatch else ""
     head = {
-        "number": asked.get("number"),
+        "number": number,
         "panels": panels,
         "samples": len(columns["time_s"]),
         "took_s": took,
@@ -255,12 +255,8 @@ def _assumed(
     tables: Iterable[ShownTable] = (),
 ) -> Plain:
     """Return the data of a view: the drive that the controllers assume, their gains and their limits."""
-    shown = (
-        ShownTable(
-            "Gains", ("controller", "gain", "value", "meaning", "follows from"), tuple(gain_rows(about["laws"]))
-        ),
-        ShownTable("Drive as assumed by the controllers, near mid-stroke", ("property", "value"), about["plant"]),
-    )
+    topic = Topic("control", "told")
+    shown = topic.table(gain_rows(about["laws"]), "gains"), topic.table(about["plant"], "plant")
     limits = (f"{name}: {limit}" for name, law in about["laws"].items() for limit in law["limits"])
     return View(title, notes=(*notes, *limits), tables=(*tables, *shown)).data()
 
@@ -373,8 +369,7 @@ def shown_card(workspace: Workspace, path: str, measure: str = "") -> Plain:
     told = card.about["laws"]
     ended = ((run.law, run.reference, run.reason) for run in card.runs if run.score is None)
     failed = dict.fromkeys(f"{law} along {along} ended early: {reason}" for law, along, reason in ended)
-    truth = [(name, f"{low:.4g}", f"{high:.4g}") for name, (low, high) in card.truth.items()]
-    true = ShownTable(TRUE, ("deviation", "least", "largest"), truth)
+    truth = Topic("control", "true").table((name, *ends) for name, ends in card.truth.items())
     return {
         "measure": measure,
         "spread": card.spread,
@@ -393,7 +388,7 @@ def shown_card(workspace: Workspace, path: str, measure: str = "") -> Plain:
             for run in card.runs[:MOST_EACH]
         ],
         "failed": list(failed)[:MOST_FAILED],
-        "told": _assumed("Assumed and true drive", card.about, tables=[true] if truth else []),
+        "told": _assumed("Assumed and true drive", card.about, tables=[truth] if card.truth else []),
         "command": shlex.join(["pneudrive", *job.arguments]) if job else "",
         "python": job.python if job else python("card", path=path),
     }

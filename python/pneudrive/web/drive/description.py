@@ -1,4 +1,7 @@
-"""View of a description: problems by line, values as fields, and drawing. View of an FMU."""
+"""View of a description: problems by line, values as fields, and drawing. Changes of its text. View of an FMU.
+
+The changes are values, parts of the catalogue, and added, joined and removed components of a circuit.
+"""
 
 from __future__ import annotations
 
@@ -7,21 +10,26 @@ import re
 import zipfile
 from collections.abc import Sequence
 from contextlib import suppress
+from copy import copy
+from itertools import count, pairwise
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import tomlkit
+from pydantic import StrictStr
 from tomlkit.exceptions import TOMLKitError
 from tomlkit.items import InlineTable
 
-from pneudrive.arrays import Plain
+from pneudrive.arrays import Plain, attributes_of
 from pneudrive.describe.all_values import DescribedValue, values_of
+from pneudrive.describe.circuit import Circuit
+from pneudrive.describe.connections import AMBIENT, ARROW, PILOT_LINE, Part, Port, Wiring
 from pneudrive.describe.files import toml
 from pneudrive.describe.files.catalogue import entries
 from pneudrive.describe.formulas.written import FILE_PREFIX
-from pneudrive.describe.kinds import COMMAND
+from pneudrive.describe.kinds import COMMAND, component_kinds
 from pneudrive.describe.short import Short
-from pneudrive.errors import CommandError, PneudriveError, Problems
+from pneudrive.errors import CommandError, PneudriveError, Problems, package_table
 from pneudrive.files.content import read_bytes
 from pneudrive.fmu.package import read_fmu
 from pneudrive.fmu.variables import FmuVariable
@@ -41,8 +49,6 @@ _PAIR = re.compile(r"dwell\.pressure\.[ab]$")
 #: Range of a slider, as multiples of its value. A value of 0 gets a range by its unit.
 LOW, HIGH = 0.2, 3.0
 _FROM_ZERO = {"deg": (-90.0, 90.0), "N": (-200.0, 200.0), "kg": (0.0, 20.0)}
-#: File with the initial text of a platform.
-FIRST_PLATFORM = Path(__file__).with_name("first_platform.toml")
 #: Initial sliders of a new page, if the description contains them.
 FIRST_SLIDERS = ("friction.coulomb", "supply.pressure", "load.mass", "cylinder.moving_mass", "moving_mass")
 MOST_SLIDERS = 4
@@ -89,12 +95,11 @@ def fields_of(described: Described) -> Plain:
     values = [field_of(one) | {"component": _owner(one.key, places)} for one in every if one.key not in absent]
     slides = [one["key"] for end in FIRST_SLIDERS for one in values if "low" in one and _ends(one["key"], end)]
     return {
-        "name": described.name,
+        **attributes_of(described, "name", "notes"),
         "kind": described.file_kind,
         # The lowest command of each component that has one: -1, or 0 for an on-off valve.
         "valves": {name: 0 if "not less than 0" in bounds.get(f"{name}.{COMMAND}", "") else -1 for name in named},
         "values": values,
-        "notes": described.notes,
         "sliders": list(dict.fromkeys(slides))[:MOST_SLIDERS],
     }
 
@@ -110,7 +115,7 @@ def _ends(key: str, end: str) -> bool:
 
 def field_of(one: DescribedValue) -> Plain:
     """Return a value as a field of a form. A value with a number is also a slider."""
-    out = {"key": one.key, "text": str(one.value), "origin": one.origin, "kind": one.kind}
+    out = attributes_of(one, "key", "origin", "kind") | {"text": str(one.value)}
     found = _QUANTITY.fullmatch(one.value) if isinstance(one.value, str) else None
     if found:
         number, unit = float(found[1]), found[2]
@@ -126,7 +131,7 @@ def field_of(one: DescribedValue) -> Plain:
 
 def first_platform() -> Plain:
     """Return the initial text of a platform."""
-    return {"text": FIRST_PLATFORM.read_text(encoding="utf-8")}
+    return {"text": Path(__file__).with_name("first_platform.toml").read_text(encoding="utf-8")}
 
 
 def drawing(workspace: Workspace, path: str, text: str) -> Plain:
@@ -141,10 +146,10 @@ def drawing(workspace: Workspace, path: str, text: str) -> Plain:
 
     found = circuit_shapes(described_at(workspace, path, text))
     words = [one.text for one in found.shapes if one.word == "text" and not one.component]  # title and notes come last
-    shapes = [one._replace(points=one.outline(steps=48)) for one in found.shapes[: len(found.shapes) - len(words)]]
+    shapes = [one._replace(points=one.outline(steps=48)) for one in found.shapes[: -len(words) or None]]
     moving = {name: one._asdict() for name, one in pistons(shapes).items()}
     drawn = {"shapes": [one._asdict() for one in shapes], "pistons": moving, "words": words}
-    return drawn | {"nets": found.nets, "ports": found.ports, "box": found.box}
+    return drawn | attributes_of(found, "nets", "ports", "box")
 
 
 def edited_as_asked(text: str, key: str, value: Value, unit: str | None = None) -> Plain:
@@ -177,8 +182,8 @@ def with_part(text: str, table: str, part: str) -> Plain:
     for one in entries()[part].values:
         if one.key == "stroke" and one.source is None:
             continue
-        value = one.value.rpartition("/")[2] if one.key == "kind" and table == "cylinder" else one.value
-        value = value.partition("/")[2] if one.key == "kind" and table == "valve" else value
+        is_family = one.key == "kind" and table in ("cylinder", "valve")
+        value = one.value.split("/", 1)[-1] if is_family else one.value
         owner = "" if one.key.startswith("friction.") and not is_circuit else f"{table}."
         pairs = value.items() if isinstance(value, dict) else (("", value),)
         for end, each in pairs:
@@ -316,3 +321,235 @@ def shown_fmu(workspace: Workspace, path: str) -> Plain:
 def _row(variable: FmuVariable) -> tuple[str, ...]:
     start = "" if variable.start is None else f"{variable.start:.6g}"
     return variable.name, variable.unit, start, variable.meaning
+
+
+# --- Adding, joining and removing components of a circuit in the drawing, as changes of its TOML text.
+
+#: Kind -> initial values of a component.
+STARTERS = package_table(__file__, "starters.toml")
+
+
+def kinds() -> Plain:
+    """Return the kinds that can be added, with their titles."""
+    return {"kinds": [(one, component_kinds()[one]["title"]) for one in STARTERS]}
+
+
+def restructured(
+    workspace: Workspace,
+    path: StrictStr,
+    text: StrictStr,
+    act: Literal["open", "add", "join", "cut", "remove"],
+    one: StrictStr = "",
+    other: StrictStr = "",
+    kind: StrictStr = "",
+) -> Plain:
+    """Return the text of a circuit after a change of its structure, and the component to show.
+
+    Parameters
+    ----------
+    workspace : Workspace
+    path, text : str
+        Name of the description, and its text in the page.
+    act : str
+        ``"add"`` a component of `kind` at the port `one`, ``"join"`` the ports `one` and `other`, ``"cut"`` the lines
+        of the port `one`, ``"remove"`` the component `one`, or ``"open"`` a drive as a circuit.
+    one, other, kind : str
+
+    Raises
+    ------
+    CommandError
+        The request is not valid, or the description is not a circuit.
+    DescriptionError
+        The text before the change is not valid.
+    """
+    described = described_at(workspace, path, text)
+    if act == "open":
+        return {"text": described.circuit.to_toml(), "chosen": ""}
+    if not isinstance(described, Circuit):
+        raise CommandError("a drive has a fixed structure", remedy="Open it as a circuit first.")
+    change = CircuitText(text, described.wiring)
+    arguments = {"add": (kind, one), "join": (one, other), "cut": (one,), "remove": (one,)}[act]
+    chosen = getattr(change, act)(*arguments)  # the name of an added component
+    return {"text": change.written(), "chosen": chosen or ""}
+
+
+class CircuitText:
+    """Text of a valid circuit, for step-by-step changes of its structure. Comments and order are kept.
+
+    Parameters
+    ----------
+    text : str
+    wiring : Wiring
+        Wiring of the circuit.
+    """
+
+    def __init__(self, text: str, wiring: Wiring) -> None:
+        self.document, self.wiring = tomlkit.parse(text), copy(wiring)
+        self.wiring.parts = self.parts = dict(wiring.parts)
+        if "connections" not in self.document:
+            raise CommandError("this file has no list of connections", remedy="Edit the text instead.")
+
+    @property
+    def _chains(self) -> Any:  # noqa: ANN401 - an array of tomlkit
+        return self.document["connections"]
+
+    def ports(self, name: str) -> list[Port]:
+        """Return the ports of a component."""
+        if name not in self.parts:
+            raise CommandError(f'there is no component "{name[:80]}"')
+        return self.wiring.ports(name)
+
+    def _ends(self, chain: str) -> list[tuple[Any, Any]]:
+        """Return the ports at which a chain enters and leaves each of its components."""
+        words = _words(chain)
+        last = len(words) - 1
+        return [self.wiring.element(word, "", first=at == 0, last=at == last) for at, word in enumerate(words)]
+
+    def _port(self, text: str) -> Port:
+        name, _, port = text.partition(".")
+        found = next((one for one in self.ports(name) if one.name == port), None)
+        if found is None:
+            raise CommandError(f"{text[:80]} is not a port")
+        return found
+
+    def add(self, kind: str, at: str) -> str:
+        """Add a component at a port and return its name. It is put into the line of this port if gas passes it."""
+        if kind not in STARTERS:
+            raise CommandError(f"{kind[:80]!r} cannot be added here", rule=", ".join(STARTERS))
+        port = self._port(at)
+        stem = re.sub(r"[^a-z_]", "_", kind.partition("/")[0])
+        taken = {*self.parts, *self.document["components"]}  # type: ignore[misc]
+        name = next(one for number in count(1) if (one := f"{stem}_{number}" if number > 1 else stem) not in taken)
+        self.parts[name] = Part(component_kinds()[kind], name)
+        own = [one for one in self.ports(name) if not one.is_pilot and one.kind == port.kind]
+        if not own:
+            raise CommandError(f"{kind} has no port for {port.kind}", remedy=f"Choose another port than {at}.")
+        through = [one for one in own if not (one.exhaust or one.optional)]
+        self._open(at)
+        places = [(k, words[0]) for k, words in self._lines(port).items() if PILOT_LINE not in self._chains[k]]
+        if places and (_is_passed(through) or (port.is_single and [one.holds for one in own] == ["volume"])):
+            number, word = places[0]
+            words = _words(self._chains[number])
+            self._chains[number] = f" {ARROW} ".join([*words[: word + 1], name, *words[word + 1 :]])
+        elif places and port.is_single:
+            raise CommandError.of("web.joined", port=at)
+        else:
+            self._chains.append(f"{at} {ARROW} {(through or own)[0].id}")
+        table = tomlkit.table()
+        table.comment("Assumed initial values.")
+        table["kind"] = kind
+        for key, value in STARTERS[kind].items():
+            table[key] = tomlkit.value(toml.value_text(value))
+        table.add(tomlkit.nl())
+        self.document["components"][name] = table  # type: ignore[index]
+        return name
+
+    def _lines(self, port: Port) -> dict[int, list[int]]:
+        """Return the lines of a port: index of each chain, and indices of the components before the lines."""
+        lines = {}
+        for number, chain in enumerate(map(str, self._chains)):
+            gaps = enumerate(pairwise(self._ends(chain)))
+            lines[number] = [word for word, ((_, left), (right, _)) in gaps if port in (left, right)]
+        return {number: words for number, words in lines.items() if words}
+
+    def join(self, one: str, other: str) -> None:
+        """Join two ports."""
+        ends = [self._port(one), self._port(other)]
+        if ends[0] == ends[1]:
+            raise CommandError(f"{one} cannot be joined to itself")
+        for end in (one, other):
+            self._open(end)
+        mark = PILOT_LINE if any(end.is_pilot for end in ends) else ARROW
+        self._chains.append(f"{one} {mark} {other}")
+
+    def _open(self, at: str) -> None:
+        """Remove the opening to the ambient air that `written` added to a port."""
+        for number in reversed(range(len(self._chains))):
+            if _words(self._chains[number]) == [at, AMBIENT]:
+                del self._chains[number]
+
+    def cut(self, at: str) -> None:
+        """Remove the lines of a port."""
+        for number, words in reversed(self._lines(self._port(at)).items()):
+            self._divide(number, [word + 1 for word in words])
+
+    def _divide(self, number: int, before: list[int]) -> None:
+        """Divide a chain before some of its components.
+
+        A remaining part with a single component is dropped, because it joins nothing.
+        """
+        mark, words = PILOT_LINE if PILOT_LINE in self._chains[number] else ARROW, _words(self._chains[number])
+        parts = [words[low:high] for low, high in pairwise(sorted({0, *before, len(words)}))]
+        kept = [f" {mark} ".join(part) for part in parts if len(part) > 1]
+        if kept:
+            self._chains[number] = kept[0]
+            for at, one in enumerate(kept[1:], start=1):
+                self._chains.insert(number + at, one)
+        else:
+            del self._chains[number]
+
+    def remove(self, name: str) -> None:
+        """Remove a component. The lines at both sides of a component of two ports become one line."""
+        self.ports(name)
+        for number in reversed(range(len(self._chains))):
+            words = _words(self._chains[number])
+            at = [place for place, word in enumerate(words) if word.partition(".")[0] == name]
+            if not at:
+                continue
+            is_inside = len(at) == 1 and 0 < at[0] < len(words) - 1
+            if is_inside and words[at[0]] == name:
+                self._chains[number] = f" {ARROW} ".join(word for word in words if word != name)
+            else:
+                self._divide(number, [*at, *(place + 1 for place in at)])
+        components: Any = self.document["components"]
+        if name in components:
+            del components[name]
+        else:
+            table = next(one for one in components.values() if name in one.get("copies", ()))
+            table["copies"].remove(name)
+        initial: Any = self.document.get("initial", {})
+        for key in [one for one in initial if one.partition(".")[0] == name]:
+            del initial[key]
+        del self.parts[name]
+
+    def written(self) -> str:
+        """Return the text.
+
+        Ports that need a line, but have none, are plugged, or opened to the ambient air if gas flows through the
+        component. A plug at a restriction would make a joint without any gas volume.
+        """
+        if not len(self._chains):
+            raise CommandError("no connection would remain", remedy="Remove the file instead.")
+        ends = [end for chain in self._chains for both in self._ends(str(chain)) for end in both]
+        named = {end.id for end in ends if isinstance(end, Port)}
+        before = [str(one) for one in self.document.get("plugged", ())]
+        every = [one for name in self.parts for one in self.ports(name)]
+        plugged = [one for one in before if one not in named and one.partition(".")[0] in self.parts]
+        for port in every:
+            if port.kind != "gas" or not _is_needed(port) or port.id in {*named, *plugged}:
+                continue
+            if _is_passed([each for each in self.ports(port.component) if _is_needed(each)]):
+                self._chains.append(f"{port.id} {ARROW} {AMBIENT}")
+            else:
+                plugged.append(port.id)
+        if plugged != before:
+            if plugged:
+                self.document["plugged"] = plugged
+            else:
+                del self.document["plugged"]
+        return tomlkit.dumps(self.document)
+
+
+def _is_needed(port: Port) -> bool:
+    """Return whether a port must be joined or plugged."""
+    return not (port.exhaust or port.optional or port.is_pilot)
+
+
+def _is_passed(needed: list[Port]) -> bool:
+    """Return whether gas flows through a component with these ports without being stored."""
+    return len(needed) == 2 and all(one.is_single for one in needed)
+
+
+def _words(chain: object) -> list[str]:
+    mark = PILOT_LINE if PILOT_LINE in str(chain) else ARROW
+    return [word.strip() for word in str(chain).split(mark)]

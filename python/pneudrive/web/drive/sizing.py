@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import math
-from functools import lru_cache
 from pathlib import Path
 
-from pneudrive import numbers
 from pneudrive.arrays import Interval, Plain, attributes_of, by_name
 from pneudrive.constants import ANR_LITRES_PER_KG
 from pneudrive.errors import CommandError, PneudriveError
@@ -22,9 +20,6 @@ from pneudrive.web.workspace import Workspace
 
 #: File of an initial task.
 FIRST = Path(__file__).with_name("first_task.toml")
-MOST_TASKS = 500  # number of kept tasks
-#: Fields of a sized drive that are sent to the page.
-SENT = ("name", "draws", "met", "time_out", "time_back", "energy", "margin", "binding", "load_ratio")
 
 
 def checked_or_first(text: str | None = None) -> Plain:
@@ -71,17 +66,15 @@ def shown_sizing(workspace: Workspace, path: str) -> Plain:
         simulated, key=lambda drive: (places.get(drive.name, len(places)), not drive.is_feasible, drive.rank)
     )
     gauge_bar = 1e-5 * (task.supply_pa - task.ambient.pressure_pa)
-    times, incline_deg = (task.outward_s, task.back_s), math.degrees(task.incline_rad)
-    shown = (task.mass_kg, 1e3 * task.stroke_m, *times, incline_deg, gauge_bar, task.tube_length_m)
-    mass, stroke, out, back, incline, gauge, tube = map(numbers.plain, shown)
     tasks = (file for file in workspace.files() if file.kind == "task")  # one of them may be that of the search
     return {
         "name": task.name,
         "words": (
-            f"{mass} kg by {stroke} mm in {out} s, back in {back} s; incline {incline} deg, {gauge} bar gauge, "
-            f"tubes of {tube} m"
+            f"{task.mass_kg:.4g} kg by {1e3 * task.stroke_m:.4g} mm in {task.outward_s:.4g} s, "
+            f"back in {task.back_s:.4g} s; incline {math.degrees(task.incline_rad):.4g} deg, "
+            f"{gauge_bar:.4g} bar gauge, tubes of {task.tube_length_m:.4g} m"
         ),
-        "task": next((file.path for file in tasks if _task_at(workspace.path(file.path), file.changed) == task), ""),
+        "task": next((file.path for file in tasks if _task_at(workspace.path(file.path)) == task), ""),
         "draws": draws,
         "candidates": [_candidate(one, places.get(one.name), files.get(one.name, "")) for one in ranked],
         "view": done and done.view().data(),
@@ -94,28 +87,27 @@ def shown_sizing(workspace: Workspace, path: str) -> Plain:
 
 
 def _candidate(drive: SizedDrive, place: int | None, file: str) -> Plain:
-    limits = []
+    rows = list[tuple[object, ...]]()
     for name, (value, limit, unit) in drive.worst.items():
         factor, read = READ.get(unit, (1.0, unit))
-        about = {"name": name, "value": factor * value, "limit": factor * limit, "unit": read}
-        limits.append({**about, "margin": drive.margins[name], "interval": _scaled(drive.intervals.get(name), factor)})
+        ends = _scaled(drive.intervals.get(name), factor)
+        rows.append((name, factor * value, factor * limit, read, drive.margins[name], ends))
     air = _scaled(drive.intervals.get("air"), ANR_LITRES_PER_KG)
-    free = {"name": "air of a cycle", "value": drive.air_litres_anr, "unit": "l ANR", "interval": air}
-    limits.append({**free, "limit": None, "margin": None})
+    rows.append(("air of a cycle", drive.air_litres_anr, None, "l ANR", None, air))
     # The load ratio has the interval of the stroke with the larger one.
     ratios = [drive.intervals[name] for name in ("load_ratio_out", "load_ratio_back") if name in drive.intervals]
     if ratio := max(ratios, key=lambda ends: ends[1], default=None):
-        own = {"value": 100.0 * ratio[1], "unit": "%", "interval": _scaled(ratio, 100.0)}
-        limits.append({"name": "load ratio", **own, "limit": 100.0, "margin": 1.0 - ratio[1]})
+        rows.append(("load ratio", 100.0 * ratio[1], 100.0, "%", 1.0 - ratio[1], _scaled(ratio, 100.0)))
     return {
-        **attributes_of(drive, *SENT),
+        **attributes_of(drive, "name", "draws", "met", "time_out", "time_back", "energy", "margin"),
+        **attributes_of(drive, "binding", "load_ratio"),
         "title": sized.maker_type(drive.parts["cylinder"]),
         "cylinder": drive.parts["cylinder"],
         "parts": drive.part_names,
         "setting": drive.needles,
         "at_least": drive.probability_bound,
         "air": drive.air_litres_anr,
-        "limits": limits,
+        "limits": [by_name(("name", "value", "limit", "unit", "margin", "interval"), row) for row in rows],
         "misses": not drive.is_feasible,
         "place": place,
         "file": file,
@@ -126,8 +118,7 @@ def _scaled(ends: Interval | None, factor: float) -> list[float] | None:
     return None if ends is None else [factor * end for end in ends]
 
 
-@lru_cache(maxsize=MOST_TASKS)
-def _task_at(path: Path, _changed: float) -> SizingTask | None:
+def _task_at(path: Path) -> SizingTask | None:
     """Return the task of a file, or None if it is not valid."""
     try:
         return SizingTask.load(path)

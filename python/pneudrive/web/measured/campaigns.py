@@ -3,25 +3,59 @@
 from __future__ import annotations
 
 import math
-import threading
 from contextlib import suppress
-from functools import cache
+from functools import lru_cache
 from pathlib import Path
+from typing import Annotated, Literal
+
+from pydantic import StrictFloat
 
 from pneudrive.arrays import Pair, Plain, attributes_of, by_name
-from pneudrive.campaign.cycle import Head
+from pneudrive.campaign.cycle import Cycle
 from pneudrive.campaign.running.live import read_live
 from pneudrive.campaign.status import Status, preliminary_frictions, status_of
-from pneudrive.campaign.storage.control import REQUESTS, ask, holder, user
+from pneudrive.campaign.storage.control import ask, holder, user
 from pneudrive.campaign.storage.folder import CYCLES, LOG
 from pneudrive.errors import CommandError
-from pneudrive.web.jobs import READY, RIG, protocol_named
-from pneudrive.web.messages import pack, python, shell
+from pneudrive.web.jobs import READY, RIG, JobRequest, check_folder, folder_name
+from pneudrive.web.messages import bounded, pack, python, shell, words
 from pneudrive.web.workspace import DESCRIPTIONS, Workspace, last_lines
 
 LAST_LINES, LAST_BYTES = 30, 1 << 15  # of the journal
 MOST_POINTS = 10_000
+CAMPAIGNS, FASTEST = "campaigns", 1e6  # folder of new campaigns, highest speed
+MOST_CAMPAIGNS = 64  # number of kept states
+CampaignRequest = Literal["pause", "stop", "resume", "abort"]
 CONTROL = "Start the server with --control to send requests to a campaign."
+
+
+def protocol_named(protocol: object, workspace: Workspace) -> str:
+    """Return the named protocol: one of `READY`, or a file of the workspace."""
+    if not isinstance(protocol, str) or not (protocol in READY or workspace.path(protocol, DESCRIPTIONS).is_file()):
+        raise CommandError(f"there is no protocol {str(protocol)[:80]}", rule=f"a file, or {', '.join(READY)}")
+    return protocol
+
+
+def requested_campaign(
+    workspace: Workspace,
+    pace: Annotated[StrictFloat | None, bounded(1.0, FASTEST, f"1 to {FASTEST:.0e}, or none")] = None,
+    resume: str | None = None,
+    protocol: object = None,
+    name: object = None,
+) -> JobRequest:
+    """Return the job that runs a protocol on the simulated rig into a new folder, or continues in a folder.
+
+    Raises
+    ------
+    CommandError
+        The protocol or the folder is not in the workspace, or the speed is not a number.
+    """
+    speed = None if pace is None else f"{pace:g}"
+    if resume is not None:
+        check_folder(workspace, resume)
+        return JobRequest(words("campaign resume", resume, yes=True, speed=speed), resume, is_new=False)
+    source, out = protocol_named(protocol, workspace), f"{CAMPAIGNS}/{folder_name(name)}"
+    return JobRequest(words("campaign run", source, rig=RIG, out=out, yes=True, speed=speed), out)
 
 
 def planned(workspace: Workspace, protocol: object = None) -> Plain:
@@ -41,67 +75,51 @@ def planned(workspace: Workspace, protocol: object = None) -> Plain:
     return {"text": show(plan), "time_s": plan.time_s, "cycles": len(plan.planned), **lines}
 
 
-class WatchedCampaign:
-    """One campaign folder. Its data are cached until they are out of date."""
-
-    def __init__(self, folder: Path) -> None:
-        self.folder = folder
-        self._lock = threading.Lock()
-        self._points: dict[tuple[Path, int], tuple[Head, float]] = {}  # keyed by file and time of writing
-        self._status: Status | None = None
-        self._seen: int | None = None  # time of writing of the last cycle
-
-    def about(self) -> Plain:
-        """Return the state of the campaign.
-
-        Raises
-        ------
-        CampaignError
-            The folder is not a campaign.
-        """
-        with self._lock:
-            changed = None
-            with suppress(OSError):  # the file of a cycle gets its final name when it is complete
-                changed = (self.folder / CYCLES).stat().st_mtime_ns
-            if self._status is None or changed != self._seen:
-                self._status, self._seen = self._look(), changed
-            status, points = self._status, list(self._points.values())
-        running = holder(self.folder)
-        return {
-            **attributes_of(status, "extra", "planned", "remaining_s", "flags"),
-            "name": status.campaign.about.get("name") or self.folder.name,
-            "synthetic": status.campaign.synthetic,
-            "done": len(status.files) - status.extra,
-            "state": None if running is None else running.state,
-            "text": "" if running is None else str(running),
-            "cycle": "" if running is None else running.cycle,
-            "problems": [str(problem) for problem in status.problems],
-            "log": last_lines(self.folder / LOG, LAST_BYTES)[-LAST_LINES:],
-            "groups": _groups(points, status.campaign.identity.ambient_pressure_pa),
-        }
-
-    def _look(self) -> Status:
-        status = status_of(self.folder)
-        damaged = {problem.where for problem in status.problems}
-        sweeps = (file for file in status.files if file.cycle.kind == "sweep")
-        files = {(file.path, file.path.stat().st_mtime_ns): file for file in sweeps}
-        known = {key: one for key, one in self._points.items() if key in files}  # the folder may have been replaced
-        sound = {
-            key: file for key, file in files.items() if key not in known and f"{CYCLES}/{file.path.name}" not in damaged
-        }
-        found = preliminary_frictions(list(sound.values()), status.campaign.identity)
-        heads = (file.head for file in sound.values())
-        self._points = known | by_name(sound, zip(heads, found, strict=True))
-        return status
+#: File of a cycle and its time of writing -> the cycle and its preliminary friction, N.
+_points: dict[tuple[Path, int], tuple[Cycle, float]] = {}
 
 
-#: The campaign of each folder that the page has shown.
-_watched = cache(WatchedCampaign)
+@lru_cache(maxsize=MOST_CAMPAIGNS)
+def _status(folder: Path, _changed_ns: int | None) -> tuple[Status, list[Plain]]:
+    """Return the status of a campaign and its friction over speed, cached until another cycle is complete."""
+    status = status_of(folder)
+    damaged = {problem.where for problem in status.problems}
+    sweeps = {
+        (file.path, file.path.stat().st_mtime_ns): file
+        for file in status.files
+        if file.cycle.kind == "sweep" and f"{CYCLES}/{file.path.name}" not in damaged
+    }
+    new = {key: file for key, file in sweeps.items() if key not in _points}
+    frictions = preliminary_frictions(list(new.values()), status.campaign.identity)
+    _points.update(by_name(new, zip((file.cycle for file in new.values()), frictions, strict=True)))
+    return status, _groups([_points[key] for key in sweeps], status.campaign.identity.ambient_pressure_pa)
 
 
 def shown_campaign(workspace: Workspace, path: str) -> Plain:
-    """Return the state of a campaign."""
-    return _watched(workspace.folder(path)).about()
+    """Return the state of a campaign.
+
+    Raises
+    ------
+    CampaignError
+        The folder is not a campaign.
+    """
+    folder, changed = workspace.folder(path), None
+    with suppress(OSError):  # the file of a cycle gets its final name when it is complete
+        changed = (folder / CYCLES).stat().st_mtime_ns
+    status, groups = _status(folder, changed)
+    running = holder(folder)
+    return {
+        **attributes_of(status, "extra", "planned", "remaining_s", "flags"),
+        "name": status.campaign.about.get("name") or folder.name,
+        "synthetic": status.campaign.synthetic,
+        "done": len(status.files) - status.extra,
+        "state": None if running is None else running.state,
+        "text": "" if running is None else str(running),
+        "cycle": "" if running is None else running.cycle,
+        "problems": [str(problem) for problem in status.problems],
+        "log": last_lines(folder / LOG, LAST_BYTES)[-LAST_LINES:],
+        "groups": groups,
+    }
 
 
 def running_cycle(workspace: Workspace, path: str) -> bytes:
@@ -111,29 +129,26 @@ def running_cycle(workspace: Workspace, path: str) -> bytes:
     return pack(*(found or ({"cycle": ""}, {})))
 
 
-def ask_campaign(workspace: Workspace, path: str, control: bool, word: object = None) -> None:
+def ask_campaign(workspace: Workspace, path: str, control: bool, word: CampaignRequest) -> None:
     """Send one of the four requests of a campaign to the process that runs it.
 
     Raises
     ------
     CommandError
-        The server was started without ``--control``, or the request is unknown.
+        The server was started without ``--control``.
     CampaignError
         No process runs the campaign.
     """
     folder = workspace.folder(path)
     if not control:
         raise CommandError("this server shows campaigns but does not control them", remedy=CONTROL)
-    if word not in REQUESTS:
-        raise CommandError(f"{word!r} is not a request", rule=", ".join(REQUESTS))
-    ask(folder, str(word), f"{user()}, from the page")
+    ask(folder, word, f"{user()}, from the page")
 
 
-def _groups(points: list[tuple[Head, float]], ambient_pa: float) -> list[Plain]:
+def _groups(points: list[tuple[Cycle, float]], ambient_pa: float) -> list[Plain]:
     """Return the preliminary estimates of friction over speed, grouped by pair of chamber pressures."""
     groups: dict[Pair, list[Plain]] = {}
-    for head, friction in points[:MOST_POINTS]:
-        cycle = head.cycle
+    for cycle, friction in points[:MOST_POINTS]:
         if cycle.speed_m_s and math.isfinite(friction):
             point = {"x": cycle.speed_m_s, "y": friction, "spread": None}
             groups.setdefault((cycle.pressure_a_pa, cycle.pressure_b_pa), []).append(point)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
 import polars as pl
+from pydantic import Field, FiniteFloat
 
 from pneudrive.arrays import Array, Ints, Plain
 from pneudrive.campaign.planning.next_points import limits_of
@@ -23,8 +24,8 @@ from pneudrive.rig.rig_file import load_rig
 from pneudrive.units import readable
 from pneudrive.views import ShownFigure, View
 from pneudrive.web.jobs import RIG
-from pneudrive.web.lineage import SAME, Lineage
 from pneudrive.web.messages import bounded, python, shell
+from pneudrive.web.results import FIT, SAME, Lineage
 from pneudrive.web.workspace import DESCRIPTIONS, Workspace
 
 if TYPE_CHECKING:
@@ -32,7 +33,6 @@ if TYPE_CHECKING:
 
 
 MAPS = (".parquet", ".csv")
-FIT = "fit.toml"
 MOST_POINTS = 10_000
 MOST_CURVES = 8  # of each seal, mounting and drive: as many as there are line styles
 MOST_NEXT = 200  # largest number of proposed points
@@ -45,6 +45,7 @@ ELLIPSES = (
     "Ellipses of first order; their projections are 95 % intervals. If a profile is asymmetric, trust the profile and "
     "not the ellipse."
 )
+Speed = Annotated[FiniteFloat, Field(gt=0.0)]  # m/s
 NEAR = 0.05  # speeds that differ by less, relatively, are one speed
 
 
@@ -139,7 +140,7 @@ def drawn_map(path: Path, fit_name: str = FIT) -> Plain:
     }
 
 
-def map_slice(workspace: Workspace, path: str, fit: str, speed: Literal["all"] | float) -> Plain:
+def map_slice(workspace: Workspace, path: str, fit: str, speed: Literal["all"] | Speed) -> Plain:
     """Return friction over the gauge pressure of one chamber, for each pressure of the other.
 
     Parameters
@@ -157,12 +158,8 @@ def map_slice(workspace: Workspace, path: str, fit: str, speed: Literal["all"] |
     ------
     RecordingError
         The file is not a friction map.
-    CommandError
-        The speed is not positive.
     """
     fit_name, chosen_m_s = basename(fit) or FIT, None if speed == "all" else speed
-    if chosen_m_s is not None and not (np.isfinite(chosen_m_s) and chosen_m_s > 0.0):
-        raise CommandError(f"speed = {chosen_m_s} m/s", rule="a speed above zero")
     _, drawn, fits, _ = _drawn_groups(workspace.path(path, MAPS), fit_name)
     along = int(np.diff(np.ptp([group["gauges"] for group in drawn], axis=0))[0] >= 0.0)
     names = list(dict.fromkeys(group["assembly"] for group in drawn))

@@ -6,30 +6,29 @@ import hashlib
 import os
 import shutil
 import threading
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from concurrent.futures import Future, wait
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from pydantic import Field, FiniteFloat, StrictStr
 
-from pneudrive.arrays import Array, Columns, Interval, Keyed, Plain, attributes_of, by_name
+from pneudrive.arrays import Array, Columns, Interval, Plain, attributes_of, by_name
 from pneudrive.errors import CommandError, PneudriveError, RecordingError
 from pneudrive.files.content import unreadable
 from pneudrive.progress import Watch
 from pneudrive.signals.channels import ChannelFile, amplitude_density, open_channels, pairs
 from pneudrive.signals.drive_recording import NEEDED
-from pneudrive.signals.layout import Layout, stem
+from pneudrive.signals.layout import Layout
 from pneudrive.signals.load import is_trajectory, load_recording
 from pneudrive.signals.motion import find_strokes
 from pneudrive.signals.recording import clean
 from pneudrive.simulation.trajectory import SUFFIXES, columns_in
 from pneudrive.web.measured.tiles import BLOCK, Pyramid
 from pneudrive.web.messages import MOST_PIXELS, PageRequest, pack, page_error, problems_of
-from pneudrive.web.workspace import TABLES, Listed, Workspace, cache_folder, safe
+from pneudrive.web.workspace import TABLES, Workspace, cache_folder, safe
 
 ENDS = 1 << 16  # bytes at both ends of a file that enter its key
 MOST_OPEN = 16  # recordings
@@ -206,7 +205,7 @@ class ViewRequest(PageRequest):
     end: FiniteFloat = Field(alias="to")
     pixels: int = 1000
     columns: StrictStr = ""
-    beside: Any = None
+    beside: StrictStr | None = None
     shift: FiniteFloat = 0.0
 
     @property
@@ -239,9 +238,8 @@ def shown_recording(workspace: Workspace, path: str) -> Plain:
     except PneudriveError as error:
         return {"problems": problems_of(error)}
     return {
-        "key": found.key,
+        **attributes_of(found, "key", "span"),
         "channels": [attributes_of(one, "column", "label", "unit") for one in found.file.channels],
-        "span": found.span,
         "samples": found.pyramid.count,
         "time": found.file.time is not None,
         "layout": "own names" if needs_none(file) else None if layout is None else layout.kind,
@@ -249,31 +247,29 @@ def shown_recording(workspace: Workspace, path: str) -> Plain:
     }
 
 
-def shown_window(workspace: Workspace, given: Keyed) -> bytes:
+def shown_window(workspace: Workspace, request: ViewRequest, path: str, key: str, number: object = None) -> bytes:
     """Return a view of a recording as a frame, or None if the recording does not have the requested key.
 
     If the recording has changed, its times and channels would not match those in the page.
     """
-    name, key = str(given.get("path", "")), str(given.get("key", ""))
-    head: Plain = {"number": given.get("number"), "path": given.get("path"), "key": None}
+    head: Plain = {"number": number, "path": path, "key": None}
     recordings = workspace.state(Recordings)
-    if (found := recordings.version(name, key)) is None:
+    if (found := recordings.version(path, key)) is None:
         return pack(head, {})
-    asked = ViewRequest.of(given)
-    columns, span = asked.columns_in(found), asked.span
-    time_s, channels, about = found.window(span, asked.pixels, columns)
-    if recordings.version(name, key) is None:  # the file was replaced during the reading
+    columns, span = request.columns_in(found), request.span
+    time_s, channels, about = found.window(span, request.pixels, columns)
+    if recordings.version(path, key) is None:  # the file was replaced during the reading
         return pack(head, {})
     head |= {"key": found.key, "from": span[0], "to": span[1], **about}
     arrays = {"time": time_s, **channels}
-    if asked.beside:
-        other = recordings.need(str(asked.beside))
+    if request.beside:
+        other = recordings.need(request.beside)
         both = [(mine, its) for mine, its in pairs(found.file, other.file) if mine.column in columns]
-        first, last = span[0] - asked.shift, span[1] - asked.shift
+        first, last = span[0] - request.shift, span[1] - request.shift
         arrays["beside/time"] = np.empty(0)
         if both and first <= other.span[1] and last >= other.span[0]:
-            time_s, channels, _ = other.window((first, last), asked.pixels, [its.column for _, its in both])
-            arrays["beside/time"] = time_s + asked.shift
+            time_s, channels, _ = other.window((first, last), request.pixels, [its.column for _, its in both])
+            arrays["beside/time"] = time_s + request.shift
             arrays |= {f"beside/{mine.column}": its.si(channels[its.column]) for mine, its in both}
     return pack(head, arrays, drawn=True)
 
@@ -316,12 +312,11 @@ def shown_strokes(workspace: Workspace, path: str) -> Plain:
     if not reading.done():  # the file was replaced, and the new one is not shown yet
         return nothing
     opened, layout = reading.result(), layout_in(workspace, file)
-    if layout is None and not (file.suffix in SUFFIXES and is_trajectory(file)):
+    has_strokes = file.suffix in SUFFIXES and is_trajectory(file) if layout is None else layout.kind != "fixed-volume"
+    if not has_strokes:
         return nothing
     if note := _hindrance(path, opened, layout):
         return {**nothing, "note": note}
-    if layout is not None and layout.kind == "fixed-volume":
-        return nothing
     recording = load_recording(file, layout)
     times = recording.time_s
     strokes = [
@@ -386,15 +381,6 @@ def measured(
             row = {"recording": name, "label": label, "unit": unit, "time_s": times, "values": [first, second]}
             rows.append({**row, "difference": second - first, "slope": slope})
     return {"rows": rows}
-
-
-def by_stem(files: Iterable[Listed]) -> dict[str, list[str]]:
-    """Return the recordings by name without folder and suffix, because results may refer to this short name."""
-    out: dict[str, list[str]] = {}
-    for one in files:
-        if one.kind == "recording":
-            out.setdefault(stem(Path(one.path)), []).append(one.path)
-    return out
 
 
 def _hindrance(name: str, opened: OpenRecording, layout: Layout | None) -> str:
