@@ -97,13 +97,13 @@ def shown_figures(sections: Iterable[Section]) -> tuple[ShownFigure, ...]:
     return tuple(block for section in sections for block in section.blocks if isinstance(block, ShownFigure))
 
 
-def findings_of(statements: Iterable[Statement]) -> tuple[Finding, ...]:
+def findings_of(statements: Iterable[Statement]) -> list[Finding]:
     """Return statements as findings. Doubts about the data are ``bad``, undetermined values are ``open``."""
     findings = []
     for s in statements:
         state: State = "good" if s.carried else "bad" if s.topic == "data" else "open"
         findings.append(Finding(s.text, state, f"Remedy: {s.remedy}" if s.remedy else ""))
-    return tuple(findings)
+    return findings
 
 
 def _values(found: CampaignCharacteristics) -> Iterator[ShownValue]:
@@ -133,8 +133,7 @@ def _leading(found: CampaignCharacteristics, values: Sequence[ShownValue]) -> It
     for c in [c for c in found.curves if c.direction == BOTH][:1]:
         for i in dict.fromkeys(np.flatnonzero(c.measured)[[0, -1]].tolist()):
             name = f"friction at {MM * c.speed_m_s[i]:.3g} mm/s, {named(c.condition)}:"
-            interval = float(c.low_n[i]), float(c.high_n[i])
-            yield ShownValue(name, name, name, float(c.friction_n[i]), "N", interval)
+            yield ShownValue(name, name, name, c.friction_n[i], "N", (c.low_n[i], c.high_n[i]))
     first = slice(0, 1)  # of several pressures; the mean over conditions is the last one of a series of stops
     for begin, part in (("pressure of", first), ("breakaway per decade", slice(-1, None)), ("scatter of one", first)):
         chosen = [row for row in values if row.key.startswith(begin) and row.quantity == "value"]
@@ -154,13 +153,10 @@ def curves(topic: Topic, found: CampaignCharacteristics) -> Blocks:
     both = [c for c in found.curves if c.direction == BOTH]
     if not both:
         return
-    named, text = condition_names(found), topic.say()
-    shown = spread_evenly(both, MOST_CURVES)
-    if len(shown) < len(both):
-        text += topic.say("fewer", shown=len(shown), all=len(both))
-    if any(c.contains_air for c in both):
-        text += topic.say("with_air")
-    yield Paragraph(text)
+    named, shown = condition_names(found), spread_evenly(both, MOST_CURVES)
+    fewer = topic.say("fewer", shown=len(shown), all=len(both)) if len(shown) < len(both) else ""
+    with_air = topic.say("with_air") if any(c.contains_air for c in both) else ""
+    yield Paragraph(f"{topic.say()}{fewer}{with_air}")
     # All curves with their bands in one picture, with a colour for each group if there are several.
     groups, marks = sorted({c.condition.title for c in shown}), []
     for index, c in enumerate(shown):
@@ -181,7 +177,7 @@ def curves(topic: Topic, found: CampaignCharacteristics) -> Blocks:
     rows = []
     for c in both[:MOST_CURVES]:
         for i in spread_evenly(np.flatnonzero(c.measured).tolist(), SHOWN_SPEEDS):
-            friction = with_u(float(c.friction_n[i]), float(c.high_n[i] - c.low_n[i]) / 2.0, "")
+            friction = with_u(c.friction_n[i], (c.high_n[i] - c.low_n[i]) / 2.0, "")
             uncertainties = c.stderr_n[i], c.u_systematic_n[i]
             rows.append((named(c.condition), MM * c.speed_m_s[i], friction, *uncertainties, c.cycles[i]))
     yield topic.table(rows)
@@ -232,9 +228,8 @@ def position(topic: Topic, found: CampaignCharacteristics) -> Blocks:
     for p in [p for p in found.position if np.isfinite(p.relative).sum() > 3][:MOST_PANELS]:
         where = named(p.condition) if p.condition is not None else p.levels or "all cycles"
         known = np.isfinite(p.relative)
-        x, middle, low, high = (v[known] for v in (p.position_m, p.relative, p.low, p.high))
-        curve = Line(x, middle - 1.0, look=Look("blue"), width=1.0)
-        marks = [Band(x, low - 1.0, high - 1.0), Rule(y=0.0), curve]
+        x, middle, low, high = np.array([p.position_m, p.relative - 1.0, p.low - 1.0, p.high - 1.0])[:, known]
+        marks = [Band(x, low, high), Rule(y=0.0), Line(x, middle, look=Look("blue"), width=1.0)]
         panels.append(Panel(marks, f"{where}\n({plural(p.cycles, 'cycle')})"))
     if panels:
         yield topic.text()
@@ -252,7 +247,7 @@ def drift(topic: Topic, found: CampaignCharacteristics) -> Blocks:
         return
     # Drift over time with the sentinels; below, the zero of the sensor if it was measured several times.
     order, zero = np.argsort(d.time_s), found.zero
-    time, middle, low, high = (v[order] for v in (d.time_s, d.drift_n, d.low_n, d.high_n))
+    time, middle, low, high = np.array([d.time_s, d.drift_n, d.low_n, d.high_n])[:, order]
     marks = [Band(time, low, high), Rule(y=0.0), Line(time, middle, "drift of the mixed model", Look("blue"))]
     if d.sentinel_n.size:
         away = d.sentinel_n - d.sentinel_n.mean()
@@ -407,10 +402,10 @@ def relaxation(found: CampaignCharacteristics) -> Figure:
                 value, low, high = rows.select(f"{name}{end}" for end in OF_INTERVAL).to_numpy().T
                 marks.append(Markers(rows["shown_s"].to_numpy(), value, label, own, low, high, 3.2))
         if len(cut):
-            seen = cut["recovery_seen_m"].to_numpy()
-            right.append(Markers(cut["shown_s"].to_numpy(), seen, look=own._replace(marker="^"), filled=True))
-    panels = [Panel(left, y="fall of the force / N") if left else None]
-    panels.append(Panel(right, y=Axis("recovery distance / mm", low=0.0)) if right else None)
+            shown, seen = cut.select("shown_s", "recovery_seen_m").to_numpy().T
+            right.append(Markers(shown, seen, look=own._replace(marker="^"), filled=True))
+    axes: tuple[Axis | str, ...] = "fall of the force / N", Axis("recovery distance / mm", low=0.0)
+    panels = [Panel(marks, y=y) if marks else None for marks, y in zip((left, right), axes, strict=True)]
     return figure_of("relaxation", panels)
 
 
@@ -482,17 +477,9 @@ def sources(topic: Topic, found: CampaignCharacteristics) -> Blocks:
     yield from topic.listed(page.references(topic.texts["cites"]), "sources")
 
 
-#: Parts with figures by the key of their section.
-FIGURED: dict[str, page.Part] = {
-    "curves": curves,
-    "air": air,
-    "pressure": pressure,
-    "position": position,
-    "stops": stops,
-    "drift": drift,
-    "loops": loops,
-    "stick-slip": stick_slip,
-}
+#: Parts with figures by the key of their section, which is the name of the function.
+_PARTS: tuple[Any, ...] = (curves, air, pressure, position, stops, drift, loops, stick_slip)
+FIGURED: dict[str, page.Part] = {part.__name__.replace("_", "-"): part for part in _PARTS}
 
 
 # --- comparison of two campaigns --------------------------------------------------------------------------------------
@@ -550,9 +537,9 @@ def comparison_view(c: Comparison) -> View:
     findings = findings_of(c.statements)
     return View(
         title=f"{c.second.name} minus {c.first.name}: {c}",
-        rows=tuple(values),
+        rows=values,
         state=worst(findings),
-        leading=tuple(leading[:MOST_LEADING]),
+        leading=leading[:MOST_LEADING],
         findings=findings,
         notes=[page.sentence(f"{test.what}: {test.note}") for test in c.tests],
         figures=shown_figures(page.sections_of("comparison", COMPARED, c)),
@@ -581,20 +568,20 @@ def _common_curves(topic: Topic, c: Comparison) -> Blocks:
     rows, mean_n = curves.points.head(MOST_ROWS).to_dicts(), curves.friction_n.mean(axis=0)
     for i, row in enumerate(rows):
         row["pressures"] = Condition(row["gauge_a_pa"], row["gauge_b_pa"], row["title"]).label(0.0)
-        row["difference"] = with_interval(curves.difference[i], float(mean_n[i]), "N")
+        row["difference"] = with_interval(curves.difference[i], mean_n[i], "N")
     gauges, speed = curves.points.select("gauge_a_pa", "gauge_b_pa").to_numpy(), curves.points["speed_m_s"]
     groups: dict[tuple, list[int]] = {}
     for i, at in enumerate(zip(*gauges.round(-2).T, curves.points["title"], strict=True)):
         groups.setdefault(at, []).append(i)
     above, below = [], []
     for at, members in spread_evenly(groups.items(), MOST_PAIRS):
-        chosen = sorted(members, key=lambda i: speed[i])
+        chosen = sorted(members, key=speed.__getitem__)
         above.append(Panel(_both(c, curves, chosen), Condition(*at).label(0.0), y="friction / N"))
         marks: list[Any] = [Rule(y=0.0, look=Look("black"))]
         for i in chosen:
             differs = curves.points["corrected_p"][i] < CHANCE  # then the marker is filled
             own = Look("orange" if differs else "grey", "-", "D")
-            value, low, high = ends([curves.difference[i]], float(mean_n[i]))
+            value, low, high = ends([curves.difference[i]], mean_n[i])
             marks.append(Markers([speed[i]], value, "", own, low, high, filled=differs))
         below.append(Panel(marks, y="second minus first / N"))
     figure = figure_of("both-curves", [*above, *below], columns=len(above))
@@ -605,13 +592,13 @@ def _common_curves(topic: Topic, c: Comparison) -> Blocks:
 
 
 def _both(c: Comparison, curves: CurveComparison, chosen: list[int]) -> list[Any]:
-    gauge, marks = curves.points.row(chosen[0], named=True), []
-    gauge, speed = (gauge["gauge_a_pa"], gauge["gauge_b_pa"]), curves.points["speed_m_s"].to_numpy()
+    *gauge, speed = curves.points.select("gauge_a_pa", "gauge_b_pa", "speed_m_s").to_numpy().T
+    marks = []
     for k, found in enumerate((c.first, c.second)):
         own, ambient = look(k), found.identity.ambient_pressure_pa
         for curve in found.curves:
             pair = (curve.condition.pressure_a_pa - ambient, curve.condition.pressure_b_pa - ambient)
-            if curve.direction == 0 and np.allclose(pair, gauge, atol=2000.0):
+            if curve.direction == BOTH and np.allclose(pair, [side[chosen[0]] for side in gauge], atol=2000.0):
                 marks += banded(curve.speed_m_s, curve.friction_n, curve.low_n, curve.high_n, look=own, width=1.0)
                 break
         label = found.name if c.first.name != c.second.name else f"{found.name} ({ORDINALS[k]})"

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive import __version__
+from pneudrive.arrays import evenly
 from pneudrive.datasheet.characteristic import results_of, value_rows
 from pneudrive.datasheet.plant import HeldDrive
 from pneudrive.datasheet.registry import characteristics
@@ -67,25 +68,17 @@ def plot_characteristic(found: xr.Dataset, path: str | Path | None = None) -> Dr
 
 def characteristic_view(found: xr.Dataset) -> View:
     """Return the view of a characteristic: its results, definition and standard. Single numbers come first."""
-    rows = [
-        (
-            in_words(name),
-            at,
-            written_value(value, found[name].attrs["units"], low, high),
-            found[name].attrs["long_name"],
-        )
-        for name, at, value, low, high in value_rows(found, written_value)
-        if found[name].size <= MOST_VALUES
-    ]
-    long = [in_words(name) for name in results_of(found) if found[name].size > MOST_VALUES]
+    rows = []
+    for name, at, value, low, high in value_rows(found, written_value):
+        if found[name].size <= MOST_VALUES:
+            written = written_value(value, found[name].attrs["units"], low, high)
+            rows.append((in_words(name), at, written, found[name].attrs["long_name"]))
+    kind, results = characteristics()[found.attrs["characteristic"]], results_of(found)
+    long = [in_words(name) for name in results if found[name].size > MOST_VALUES]
     notes = [found.attrs["definition"], f"Standard: {found.attrs['standard']}"]
     notes += [f"More than {MOST_VALUES} values each, in --out FILE.csv: {', '.join(long)}"] if long else []
-    kind, single = characteristics()[found.attrs["characteristic"]], [found[name] for name in results_of(found)]
-    values = [
-        ShownValue(str(one.name), "", in_words(str(one.name)), float(one), one.attrs["units"])
-        for one in single
-        if not one.ndim
-    ]
+    single = (name for name in results if not found[name].ndim)
+    values = [ShownValue(n, "", in_words(n), float(found[n]), found[n].attrs["units"]) for n in single]
     panels = characteristic_panels(found) if kind.x else []
     return View(
         found.attrs["title"],
@@ -109,11 +102,10 @@ def characteristic_panels(found: xr.Dataset, title: str = "") -> list[Panel]:
             if len(order) > MOST_BARS:
                 order = [k for k in order if k in np.argsort(-np.abs(values))[:MOST_BARS]]
             bars = Bars(np.arange(len(order)), values[order], thickness=0.6, across=True)
-            labels = [str(found[x].to_numpy()[k]) for k in order]
+            labels = [str(found[x].values[k]) for k in order]
             panels.append(Panel([bars], own, _axis(found, name), Axis(names=labels)))
             continue
-        xs = np.abs(np.asarray(found[x], dtype=float))
-        is_wide = found[x].attrs["units"] == "Hz" and xs.max() > LOGARITHMIC * xs.min() > 0.0
+        is_wide = found[x].attrs["units"] == "Hz" and found[x].max() > LOGARITHMIC * found[x].min() > 0.0
         x_axis = _axis(found, x, "log" if is_wide else "linear")
         panels.append(Panel(list(_curves(found, x, name)), own, x_axis, _axis(found, name)))
     return panels
@@ -129,11 +121,10 @@ def _curves(found: xr.Dataset, x: str, name: str) -> Iterator[Line | Band]:
     along = found[x].dims[-1]
     (other,) = [str(dim) for dim in found[name].dims if dim != along] or [""]
     factor, by = (shown_unit(found[of].attrs["units"])[0] for of in (name, x))
-    count = found.sizes.get(other, 1)
-    for index, k in enumerate(np.linspace(0, count - 1, min(count, MOST_CURVES)).astype(int)):
+    for index, k in enumerate(evenly(found.sizes.get(other, 1), MOST_CURVES)):
         at = {other: k} if other else {}
-        abscissa = by * np.asarray(found[x].isel(at, missing_dims="ignore"), dtype=float)
-        label = found[other].to_numpy()[k] if other else ""
+        abscissa = by * np.asarray(found[x].isel(at, missing_dims="ignore"))
+        label = found[other].values[k] if other else ""
         if not isinstance(label, str):  # only the first label names the quantity
             size, unit = shown_unit(found[other].attrs["units"])
             label = f"{size * float(label):.3g}{'' if unit == '1' else f' {unit}'}"
@@ -199,18 +190,17 @@ def sheet_view(found: Datasheet) -> View:
     """Return hazards, leading numbers, tables of numbers and values, curves, and the comparison with recordings."""
     topics = {key: Topic("datasheet", key) for key in ("numbers", "curves", "measured", "values")}
     bands = next(iter(found.results.values())).attrs.get("interval", "") if found.results else ""
-    values = ((value.key.removeprefix("components."), value.value, value.origin) for value in found.values)
+    values = ((one.key.removeprefix("components."), one.value, one.origin) for one in found.values)
     tables = [topics["numbers"].table(found.numbers)]
     drawn = {name: found.results[name] for name in topics["curves"].texts["shown"] if name in found.results}
-    panels = [
-        panel for name, result in drawn.items() for panel in characteristic_panels(result, name.replace("-", " "))
-    ]
+    titled = ((name.replace("-", " "), result) for name, result in drawn.items())
+    panels = [panel for title, result in titled for panel in characteristic_panels(result, title)]
     figures = [topics["curves"].figure("curves", figure_of("sheet", panels), bands=bands)]
     if "published" in found.results:
         # Numbers that makers print for the drive's parts, with the values computed for the drive.
         table, rows = found.results["published"], []
         columns = (table["figure"], table.printed, table.computed, 100.0 * table.difference)
-        for name, printed, computed, more in zip(*(column.to_numpy() for column in columns), strict=True):
+        for name, printed, computed, more in zip(*(column.values for column in columns), strict=True):
             rows.append((str(name), plain(printed), plain(computed), f"{more:+.2g} %"))
         tables.append(topics["numbers"].table(rows, "published"))
     if found.measured is not None:
@@ -239,7 +229,7 @@ def _leading(found: Datasheet) -> Iterator[ShownValue]:
     """Yield stroke times and the harder impact with its limit, if the piston reaches its ends, and air consumption."""
     square = found.results.get("square-response")
     if square is not None and square.stroke_time.notnull().all():
-        for way, time in zip(("out", "back"), square.stroke_time.to_numpy(), strict=True):
+        for way, time in zip(("out", "back"), square.stroke_time.values, strict=True):
             yield ShownValue(f"time {way}", "", f"time {way}", float(time), "s")
         energy, limit = float(square.end_energy.max()), energy_limit_j(HeldDrive(found.drive))
         state = "bad" if energy > limit else "good"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 import platform
 import re
@@ -91,12 +92,12 @@ def view_section(key: str, view: View, *, synthetic: bool | None = None) -> Sect
     return Section(key, view.title, (*lists, *view.figures, *tables, *view.tables), synthetic)
 
 
-def view_report(view: View, *sections: Section | None, synthetic: bool = False) -> Report:
+def view_report(view: View, *sections: Section, synthetic: bool) -> Report:
     """Return the report of a result: a verdict (leading values, bad findings), then the view and further sections."""
     leading = [Finding(value.sentence, value.state) for value in view.leading]
     bad = [finding for finding in view.findings if finding.state == "bad"]
     rest = replace(view, title="Result", leading=(), findings=tuple(f for f in view.findings if f.state != "bad"))
-    return Report(view.title, [*bad, *leading], [view_section("result", rest), *filter(None, sections)], synthetic)
+    return Report(view.title, [*bad, *leading], [view_section("result", rest), *sections], synthetic)
 
 
 @applied()
@@ -158,8 +159,8 @@ class Report:
 
     def html(self, *, linked: bool = True) -> str:
         """Return the page, which loads no other files. With `linked`, captions link to the files of the figures."""
-        calm = (part for part in self.sections if not any(word in repr(part.blocks) for word in SEVERE))
-        details = [part.key for part in calm if part.key in DETAILS]  # a severe finding is never folded
+        details = (part for part in self.sections if part.key in DETAILS)
+        calm = [part.key for part in details if not any(word in repr(part.blocks) for word in SEVERE)]
         return rendered(
             TEMPLATE,
             {"words": _words, "inline": inline},
@@ -168,7 +169,7 @@ class Report:
             verdict=self.lines,
             sections=self.sections,
             pictures=self.pictures,
-            folded=details if len(self.sections) > MOST_OPEN else (),
+            folded=calm if len(self.sections) > MOST_OPEN else (),  # a severe finding is never folded
             most_rows=MOST_ROWS,
             folder=FIGURES if linked else "",
             policy=POLICY,
@@ -329,7 +330,7 @@ def figure_of(layout: str, panels: Sequence[Panel | None], **more: Any) -> Figur
     return Figure(panels, **own | {name: Axis(**own[name]) for name in "xy" if isinstance(own.get(name), dict)})
 
 
-def sketch(name: str, there: Collection[str] = (), **values: object) -> Figure:
+def sketch(name: str, there: Collection[str], **values: object) -> Figure:
     """Return a sketch of ``sketches.toml`` with these values in its texts and the optional strokes named in `there`."""
     table, strokes = package_table(__file__, "sketches.toml")[name], []
     for stroke in (stroke for stroke in table["strokes"] if stroke.get("when", "") in ("", *there)):
@@ -397,10 +398,9 @@ class Topic:
         caption = texts.get("caption", "").format(**values)
         return ShownTable(caption, heads, list(zip(*columns, strict=True)))
 
-    def section(self, *blocks: Block | None, synthetic: bool | None = None, **values: object) -> Section:
-        """Return a section of the blocks that are not None."""
-        there = tuple(block for block in blocks if block is not None)
-        return Section(self.key, self.say("title", **values), there, synthetic)
+    def section(self, *blocks: Block, synthetic: bool | None = None) -> Section:
+        """Return a section of these blocks."""
+        return Section(self.key, self.say("title"), blocks, synthetic)
 
 
 def sections_of(
@@ -458,7 +458,7 @@ def literal(text: str) -> str:
     '"a \\"b\\" #c"'
     """
     plain = "".join(letter if letter.isprintable() else " " for letter in text)
-    return '"' + plain.replace("\\", "\\\\").replace('"', '\\"') + '"'
+    return json.dumps(plain, ensure_ascii=False)
 
 
 # --- Page of a fit of any kind: values with intervals, undetermined values, residuals, data.

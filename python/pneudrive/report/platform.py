@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pneudrive.arrays import evenly
 from pneudrive.errors import CommandError, package_table
 from pneudrive.figures import Axis, Drawing, Figure, Line, Panel, PenStroke, look, thin
 from pneudrive.platforms.kinematics import LEAST_SINGULAR_VALUE, Platform, motion_of, platform_outputs, pose_columns
@@ -72,14 +73,14 @@ def platform_lines(platform: Platform, poses: ArrayLike) -> Iterator[tuple[str, 
         i = number - 1
         a, joint, x = frame[i], joints[:, i], own["positions"][:, i, None]
         if platform.is_delta:
-            stroke = leg.stroke_m if np.isfinite(leg.stroke_m) else max(float(np.max(np.abs(x))), 0.1)
+            stroke = leg.stroke_m if np.isfinite(leg.stroke_m) else max(np.abs(x).max(), 0.1)
             along, half = directions[i], 0.5 * PISTON * stroke
             yield "guide", number, np.array([[a, a + stroke * along]])
             yield "piston", number, np.stack([a + (x - half) * along, a + (x + half) * along], axis=1)
             yield "arm", number, np.stack([a + x * along, joint], axis=1)
             continue
         length = np.linalg.norm(joint - a, axis=1, keepdims=True)
-        along, shortest = (joint - a) / length, float(np.mean(length - x))
+        along, shortest = (joint - a) / length, (length - x).mean()
         barrel = min(1.1 * leg.stroke_m if np.isfinite(leg.stroke_m) else BARREL * shortest, 0.95 * shortest)
         head = shortest - barrel
         piston = head + np.clip(x + 0.01 * barrel, 0.01 * barrel, (0.99 - PISTON) * barrel)
@@ -128,7 +129,7 @@ def platform_scene(platform: Platform, poses: ArrayLike, size: float = 1.0) -> t
         centres.append(next(free, tried[0]))
     text_pt = 72.0 / PX_IN * FONT * max(size, 0.6)
     strokes += [PenStroke(centre[None, None], str(i), size=text_pt) for i, centre in enumerate(centres, start=1)]
-    return (float(width), float(height)), strokes
+    return (width, height), strokes
 
 
 # --- A platform on legs as a picture, as an animation of a run, and as a page of a run with its curves.
@@ -214,7 +215,7 @@ def animate_platform(
         remedy = f"Install ffmpeg, or write {target.with_suffix('.gif').name}, which needs no other program."
         raise CommandError(f"{target.name} cannot be written: the program ffmpeg is missing", remedy=remedy)
     time = np.asarray(time, dtype=float)
-    lasts = min(max(float(time[-1] - time[0]), SHORTEST_S), LONGEST_S)
+    lasts = min(max(time[-1] - time[0], SHORTEST_S), LONGEST_S)
     moments = np.linspace(time[0], time[-1], round(lasts * FRAMES_S[suffix]) + 1)
     rows = np.searchsorted(time, moments, side="right") - 1
     scene = platform_scene(platform, np.asarray(poses, dtype=float)[rows])
@@ -317,15 +318,10 @@ def platform_view(platform: Platform) -> View:
     """Return the view of a platform: strokes and loads of the legs at half stroke, limits of coordinates, a drawing."""
     home, limits = platform.home, platform.workspace()
     legs = zip(platform.legs, platform.inverse(home), platform.load(home), strict=True)
-    rows = [
-        ShownValue(f"{leg.name}.{name}", leg.name, name, text)
-        for leg, x, force in legs
-        for name, text in (
-            ("position", f"{1e3 * x:.4g} mm"),
-            ("stroke", f"{1e3 * leg.stroke_m:.4g} mm"),
-            ("load", f"{force:.4g} N"),
-        )
-    ]
+    rows = []
+    for leg, x, force in legs:
+        texts = {"position": f"{1e3 * x:.4g} mm", "stroke": f"{1e3 * leg.stroke_m:.4g} mm", "load": f"{force:.4g} N"}
+        rows += [ShownValue(f"{leg.name}.{name}", leg.name, name, text) for name, text in texts.items()]
     table = []
     for k, (key, both) in enumerate(limits.limits.items()):
         poses, ends = np.array([home, home]), []
@@ -366,22 +362,21 @@ def platform_run_view(platform: Platform, columns: Columns) -> View:
     )
 
 
-def _answer(platform: Platform, columns: Columns) -> tuple[list[str], tuple[ShownValue, ...]]:
+def _answer(platform: Platform, columns: Columns) -> tuple[list[str], list[ShownValue]]:
     """Return sentences on a run, and its leading values: path error, distance to stroke ends, singularity, force."""
     own, legs = platform.name, platform.legs
-    leading = []
+    sentences, leading = [], []
     errors = [
         np.abs(columns[name] - columns[wanted])
         for name in pose_columns(platform)[0]
         if name.endswith("_m") and (wanted := f"{name.removesuffix('_m')}_reference_m") in columns
     ]
-    sentences = []
     if errors:
-        error = float(np.max(errors))
+        error = np.max(errors)
         sentences.append(f"The path is kept within {1e3 * error:.3g} mm.")
         leading.append(ShownValue("path error", own, "largest error of the path", error, "m"))
     margins = [
-        float(np.minimum(x, leg.stroke_m - x).min())
+        np.minimum(x, leg.stroke_m - x).min()
         for leg in legs
         if np.isfinite(leg.stroke_m) and (x := columns.get(f"{leg.name}.position_m")) is not None
     ]
@@ -392,7 +387,7 @@ def _answer(platform: Platform, columns: Columns) -> tuple[list[str], tuple[Show
         state: State = "open" if hit else "good"
         words = "least distance of a leg to an end"
         leading.append(ShownValue("leg margin", own, words, margin, "m", limit=0.0, state=state))
-    singular = float(columns[f"{own}.smallest_singular_value"].min())
+    singular = columns[f"{own}.smallest_singular_value"].min()
     is_regular = singular >= LEAST_SINGULAR_VALUE
     sentences.append("No pose is singular." if is_regular else "The platform passes a nearly singular pose.")
     state, limit = "good" if is_regular else "bad", LEAST_SINGULAR_VALUE
@@ -401,10 +396,10 @@ def _answer(platform: Platform, columns: Columns) -> tuple[list[str], tuple[Show
     signs = (forces >= 0.0).astype(int)
     limits = np.take_along_axis(np.broadcast_to(platform.force_limits, (*signs.shape, 2)), signs[..., None], 2)[..., 0]
     at = np.unravel_index(np.argmax(forces / limits if np.isfinite(limits).all() else np.abs(forces)), forces.shape)
-    limit = float(limits[at]) if np.isfinite(limits[at]) else None
-    force, state = float(forces[at]), "good" if limit is None or abs(forces[at]) <= abs(limit) else "open"
+    limit = limits[at] if np.isfinite(limits[at]) else None
+    force, state = forces[at], "good" if limit is None or abs(forces[at]) <= abs(limit) else "open"
     leading.append(ShownValue("leg force", own, "largest force along a leg", force, "N", limit=limit, state=state))
-    return sentences, tuple(leading)
+    return sentences, leading
 
 
 def _panels(platform: Platform, columns: Columns) -> list[tuple[str, Columns]]:
@@ -434,8 +429,6 @@ def run_figure(platform: Platform, columns: Columns) -> Figure:
             of_legs |= {line.label: line for line in lines}
         how = "" if legs.issuperset(each) or len(each) < 2 else "inside"
         panels.append(Panel(lines, label, y=Axis(label, is_named=False), legend=how))
-    drawn = np.unique(np.linspace(0, len(pose) - 1, MOST_POSES).round().astype(int))
-    drawing = scene_drawing(*platform_scene(platform, pose[drawn], size=0.6))
+    drawing = scene_drawing(*platform_scene(platform, pose[evenly(len(pose), MOST_POSES)], size=0.6))
     keys = [Line([], [], label, line.look) for label, line in of_legs.items()]
-    drawing = Panel([drawing, *keys], legend="under")
-    return figure_of("platform", panels, tall=drawing)
+    return figure_of("platform", panels, tall=Panel([drawing, *keys], legend="under"))

@@ -6,6 +6,7 @@ import math
 import re
 from contextlib import suppress
 from dataclasses import replace
+from itertools import chain
 from pathlib import Path
 from textwrap import fill
 from typing import TYPE_CHECKING
@@ -49,12 +50,11 @@ CURVES |= {"statements": campaign.statements, "budget": campaign.budget}
 # --- Figures of a recording and its rig, and of how a proposed layout reads a foreign file.
 
 MOST_LOOPS = 200  # over position: more thin lines cannot be told apart
-FIRST_SAMPLES = 4000
-LAYOUT_IN = 9.0
+FIRST_SAMPLES = 4000  # of columns that do not form a recording
 
 
 def write_layout_figure(proposal: Proposal, path: str | Path) -> Path:
-    """Draw the channels as pneudrive reads them, with shaded strokes, and force against position.
+    """Draw the channels as pneudrive reads them, with shaded strokes towards +x, and force against position.
 
     Parameters
     ----------
@@ -86,7 +86,7 @@ def write_layout_figure(proposal: Proposal, path: str | Path) -> Path:
             label = name if guess is None else f"{name}\n{guess.role}\n({guess.unit})"
             panels.append(Panel([Line(range(len(part)), part, width=0.7)], y=Axis(label, is_si=False)))
         title = f"{proposal.path.name}: {proposal.problem or understood}"
-        figure = stack(panels, 5.4, x="row", title=title, width_in=LAYOUT_IN)
+        figure = stack(panels, 5.4, x="row", title=title)
     draw_figure(figure, path)
     return Path(path)
 
@@ -94,7 +94,7 @@ def write_layout_figure(proposal: Proposal, path: str | Path) -> Path:
 def record_figure(
     recording: Recording, strokes: Sequence[Stroke], notes: Mapping[str, str] | None = None, title: str = ""
 ) -> Figure:
-    """Draw the channels over time with shaded strokes, and force against position.
+    """Draw the channels over time, with shaded strokes towards +x, and force against position.
 
     Parameters
     ----------
@@ -104,37 +104,28 @@ def record_figure(
         Channel -> title of its panel. With notes, only the first strokes are drawn, otherwise the whole recording.
     title : str
     """
-    first = strokes[:6] if notes else strokes
-    stop = first[-1].stop if first else FIRST_SAMPLES
-    part = slice(0, stop, thin(recording.time_s[:stop]).step) if notes else thin(recording.time_s)
-    channels = [("position", recording.position_m, "position / mm")]
-    for side in ("a", "b"):
-        if f"pressure_{side}" in notes if notes else not is_open(recording, side):
-            gauge = getattr(recording, f"pressure_{side}_pa") - recording.ambient_pressure_pa
-            channels.append((f"pressure_{side}", gauge, f"pressure {side} /\nbar gauge"))
-    channels.append(("force", recording.force_n, "force, +x / N"))
-    time, panels = recording.time_s - (0.0 if notes else recording.time_s[0]), []
-    spans = [
-        Rule((time[s.start], time[s.stop - 1]), look=Look("shade two" if s.direction > 0 else "shade"))
-        for s in first
-        if notes or s.direction > 0
+    time, position, force = recording.time_s - recording.time_s[0], recording.position_m, recording.force_n
+    shown = strokes[:6] if notes else strokes
+    stop = shown[-1].stop if notes and shown else len(time)
+    part = slice(0, stop, thin(range(stop)).step)
+    channels = {"position": (position, "position / mm")}
+    for side in (side for side in "ab" if not is_open(recording, side)):
+        gauge = getattr(recording, f"pressure_{side}_pa") - recording.ambient_pressure_pa
+        channels[f"pressure_{side}"] = gauge, f"pressure {side} /\nbar gauge"
+    channels["force"] = force, "force, +x / N"
+    spans = [Rule((time[s.start], time[s.stop - 1]), look=Look("shade two")) for s in shown if s.direction > 0]
+    panels = [
+        Panel([*spans, Line(time[part], values[part], width=0.8)], fill((notes or {}).get(role, ""), 95), y=label)
+        for role, (values, label) in channels.items()
     ]
-    for role, values, label in channels:
-        note = fill((notes or {}).get(role, ""), 95)
-        panels.append(Panel([*spans, Line(time[part], values[part], width=0.8)], note, y=label))
+    ways = {1: Look(), -1: Look("orange", "--")}
     loops = [
-        Line(
-            recording.position_m[s.samples],
-            recording.force_n[s.samples],
-            look=Look() if s.direction > 0 else Look("orange", "--"),
-            width=0.5,
-        )
+        Line(position[s.samples], force[s.samples], look=ways[s.direction], width=0.5)
         for s in page.spread_evenly(strokes, MOST_LOOPS)
     ]
     tall = Panel(loops, "", "position / mm", "force, +x / N (solid: towards +x, dashed: back)")
-    more = {"tall": tall, "widths": (2, 1), "width_in": LAYOUT_IN if notes else figures.WIDTH_IN, "text_scale": 0.85}
-    height = 5.4 if notes else 1.4 * len(panels)
-    return stack(panels, height, x="time / s (dark: towards +x)", title=title, **more)
+    more = {"tall": tall, "widths": (2, 1), "title": title, "text_scale": 0.85}
+    return stack(panels, 1.4 * len(panels), x="time / s (dark: towards +x)", **more)
 
 
 def is_open(recording: Recording, side: str) -> bool:
@@ -190,10 +181,9 @@ def map_view(table: xr.Dataset, fits: Fits | None = None) -> View:
     """
     groups = [(group, group.curves(table)) for group in groups_of(table)]
     curves = [curve for _, own in groups for curve in own]
-    names = table["recording"].to_numpy().astype(str).tolist()
-    raised: dict[str, list[str]] = {}
-    for name, flags in zip(names, table["flags"].to_numpy(), strict=True):
-        for flag in str(flags).split(","):
+    names, raised = table["recording"].values.astype(str).tolist(), dict[str, list[str]]()
+    for name, flags in zip(names, table["flags"].values.astype(str), strict=True):
+        for flag in flags.split(","):
             raised.setdefault(flag, []).append(name)
     findings, tables = flag_findings(raised, len(set(names))), ()
     topic = Topic("recordings", "speed")
@@ -203,18 +193,18 @@ def map_view(table: xr.Dataset, fits: Fits | None = None) -> View:
         about, tables = _fitted(fits)
         findings += about or [Finding(topic.say("no_law"), "open")] * (not tables)
     leading = []  # the lowest and the highest friction with U (k = 2)
-    order = np.argsort(table["friction_n"].to_numpy(), kind="stable")
+    order = np.argsort(table["friction_n"].values, kind="stable")
     for word, row in (("lowest", order[0]), ("highest", order[-1])):
         point = table.isel(row=row)
         friction, stderr, systematic = (float(point[f"{name}_n"]) for name in ("friction", "stderr", "u_systematic"))
-        reach = 2.0 * float(np.hypot(np.nan_to_num(stderr), systematic))
+        reach = 2.0 * np.hypot(np.nan_to_num(stderr), systematic)
         name = f"{word} friction ({point.recording.item()}, {1e3 * abs(float(point.velocity_m_s)):.3g} mm/s)"
         leading.append(ShownValue(word, word, name, friction, "N", (friction - reach, friction + reach)))
     return View(
         f"{table.sizes['row']} points of friction",
         curves=curves,
         state=worst(findings),
-        leading=tuple(leading),
+        leading=leading,
         findings=findings,
         tables=tables,
         figures=(topic.figure("friction-speed", speed_figure(groups, fits or {}), law=law, labels=labels),),
@@ -264,13 +254,12 @@ def speed_figure(groups: list[tuple[MapGroup, list[ShownCurve]]], fits: Fits) ->
     for assembly, members in page.spread_evenly(panels.items(), MOST_PANELS):
         fit = _speed_law(fits.get(assembly) or fits.get(ALL_RECORDINGS) or {})
         by_pressure = sorted(members, key=lambda member: tuple(member[0].gauges))
-        shown, marks = page.spread_evenly(by_pressure, MOST_CURVES), []
+        shown, marks = page.spread_evenly(range(len(members)), MOST_CURVES), []
         for index, (group, curve) in enumerate(by_pressure):
-            at = next((place for place, member in enumerate(shown) if member[1] is curve), None)
-            if at is None:
+            if index not in shown:
                 marks.append(Markers(curve.x, curve.y, look=THIN, size=1.5))
                 continue
-            own, ends = ramp(at, len(shown)), curve.band or (curve.y, curve.y)
+            own, ends = ramp(shown.index(index), len(shown)), curve.band or (curve.y, curve.y)
             label = curve.label.removeprefix(f"{assembly}: ") if is_single else ""
             names = () if is_single else (*[""] * (curve.x.size - 1), bar(max(group.gauges, key=abs)))
             size = 2.2 if count > MANY else 4.0
@@ -327,7 +316,7 @@ def characterisation_view(found: Characterisation, fits: Fits | None = None) -> 
     spread = found.run_spread
     relative = [level.expanded_n / level.friction_n for level in found.levels if level.friction_n > 0]
     findings = [*base.findings, *(Finding(doubt, "bad") for doubt in found.doubts)]
-    if spread and relative and spread.relative > float(np.median(relative)):
+    if spread and relative and spread.relative > np.median(relative):
         findings.append(
             Finding(topic.say("runs_beyond_u", percent=100 * spread.relative), "open", topic.say("more_runs"))
         )
@@ -411,13 +400,10 @@ def _loops(topic: Topic, found: Characterisation) -> Iterator[ShownFigure]:
         panels = []
         for level in shown:
             x, p = level.profile.position_m, level.profile
-            strokes = [
-                *page.spread_evenly(p.up_strokes_n, MOST_STROKES),
-                *page.spread_evenly(p.down_strokes_n, MOST_STROKES),
-            ]
+            strokes = (page.spread_evenly(own, MOST_STROKES) for own in (p.up_strokes_n, p.down_strokes_n))
             marks = [
                 Rule(level.window_m),
-                *(Line(x, values, look=THIN, width=0.3) for values in strokes),
+                *(Line(x, values, look=THIN, width=0.3) for values in chain.from_iterable(strokes)),
                 Rule(y=0.0),
                 Line(x, p.up_n, "towards +x", Look("blue")),
                 Line(x, p.down_n, "towards −x", Look("blue", "--")),
@@ -445,13 +431,11 @@ def closures(fits: Sequence[ClosureFit]) -> Figure:
     """
     above, below, one_chamber = [], [], _is_one_chamber(fits)
     for index, fit in enumerate(sorted(fits, key=lambda fit: fit.group)):
-        own, force, rest = look(index), fit.half_sum_force_n, fit.residual_n
-        x = fit.pressure_pa if one_chamber else force - rest
+        own, x, force = look(index), fit.half_sum_force_n - fit.residual_n, fit.half_sum_force_n
         if one_chamber:
             (side, area), *_ = fit.nominal_m2.items()  # of the one chamber whose pressure changed
-            force = force - (-area if side == "a" else area) * fit.pressure_pa
-        order = np.argsort(x, kind="stable")
-        x, force, rest = x[order], force[order], rest[order]
+            x, force = fit.pressure_pa, force - (-area if side == "a" else area) * fit.pressure_pa
+        x, force, rest = np.array([x, force, fit.residual_n])[:, np.argsort(x, kind="stable")]
         above += [Markers(x, force, fit.group, own), Line(x, force - rest, look=own, width=0.8)]
         if fit.degrees_of_freedom > 0:
             below.append(Markers(x, rest, look=own, joined=x.size <= MOST_JOINED))
@@ -509,20 +493,15 @@ def over_pressure(found: Characterisation) -> Figure:
     rest = found.table.filter(~pl.col("seal").is_in(with_line)).partition_by("seal", maintain_order=True)
     shown = page.spread_evenly([*panels, *((points["seal"][0], points, None) for points in rest)], MOST_PANELS)
     every = pl.concat([points for _, points, _ in shown])
-    highest = float((every["friction_n"] + every["expanded_n"].fill_nan(0.0)).max())
-    bands = [float(line.band_high_n.max()) for *_, line in shown if line is not None]
+    highest = (every["friction_n"] + every["expanded_n"].fill_nan(0.0)).max()
+    bands = [line.band_high_n.max() for *_, line in shown if line is not None]
     y = Axis("friction / N", low=0.0, high=min(1.05 * max([highest, *bands]), 2 * highest))
     runs = sorted(set(every["run"]))  # a run keeps its marker in all panels
     drawn = [pressure_panel(points, line, runs, title) for title, points, line in shown]
     return figure_of("pressure", drawn, y=y, width_in=7.1 if len(shown) > 1 else 4.5)
 
 
-def pressure_panel(
-    points: pl.DataFrame,
-    line: PressureLine | None,
-    runs: Sequence[str],
-    title: str = "",
-) -> Panel:
+def pressure_panel(points: pl.DataFrame, line: PressureLine | None, runs: Sequence[str], title: str = "") -> Panel:
     """Draw the points of each run, and the fitted line with its band."""
     marks: list[Band | Line | Markers] = []
     if line is not None:
@@ -558,10 +537,9 @@ def stick_slip(topic: Topic, found: Characterisation) -> Blocks:
         return
     motions = []
     for result, level, s in slipping[:MOST_COLUMNS]:
-        r = result.recording
-        part = slice(*np.searchsorted(r.time_s, (s.start_s, s.stop_s)))
-        time, position = r.time_s[part], s.direction * r.position_m[part]
-        window = max(int(s.resolution_s / 2 / max(float(np.median(np.diff(time))), 1e-12)) // 2, 1)
+        part = slice(*np.searchsorted(result.recording.time_s, (s.start_s, s.stop_s)))
+        time, position = result.recording.time_s[part], s.direction * result.recording.position_m[part]
+        window = max(int(s.resolution_s / 2 / max(np.median(np.diff(time)), 1e-12)) // 2, 1)
         speed = local_slope(time, position, window)
         motions.append((level.recording, time - time[0], position, speed, s.mean_speed_m_s))
     over_time, phases = motion_figures(motions)
@@ -664,13 +642,12 @@ def provenance(topic: Topic, found: Characterisation) -> Blocks:
 def measured(topic: Topic, found: Characterisation) -> Blocks:
     """Show rig, sensors and files."""
     first, uses = found.recordings[0], found.stroke_uses.values()
-    used = {"used": sum(use.used for use in uses), "strokes": sum(use.recorded for use in uses)}
-    counts = {
-        "recordings": page.plural(len(found.results), "recording"),
-        "seals": page.plural(len(page.by_seal(found)), "seal"),
-    }
-    areas = {"area_a": first.area_a_m2 * 1e4, "area_b": first.area_b_m2 * 1e4}
-    yield topic.text(**counts, **used)
+    yield topic.text(
+        recordings=page.plural(len(found.results), "recording"),
+        seals=page.plural(len(page.by_seal(found)), "seal"),
+        used=sum(use.used for use in uses),
+        strokes=sum(use.recorded for use in uses),
+    )
     # Cylinder, piston, force sensor, and the servo axis or hand, with the signs.
     states = {}
     for side in "ab":
@@ -678,7 +655,7 @@ def measured(topic: Topic, found: Characterisation) -> Blocks:
         states[side] = "open to ambient" if is_open(first, side) else f"p_{side} {stated}"
     incline = first.incline_rad
     rig = page.sketch("recording", ["inclined"] if incline else [], **states, incline=np.degrees(incline))
-    yield topic.figure("rig", rig, **areas)
+    yield topic.figure("rig", rig, area_a=first.area_a_m2 * 1e4, area_b=first.area_b_m2 * 1e4)
     yield Topic("recordings", "recording").table(_sensors(found.recordings), "sensors")
     files = []
     for r in (result.recording for result in found.results):
@@ -708,7 +685,7 @@ def _sensors(recordings: tuple[Recording, ...]) -> Iterator[tuple]:
             accuracy += f" ({'; '.join(sorted(notes))})"
         low, high = min(v.min() for v in values) * factor, max(v.max() for v in values) * factor
         yield name, f"{unit}; standard uncertainty {accuracy}", low, high
-    rates = [(r.time_s.size - 1) / (r.time_s[-1] - r.time_s[0]) for r in recordings]
+    rates = [(len(r) - 1) / (r.time_s[-1] - r.time_s[0]) for r in recordings]
     yield "sampling", "samples per second, mean of each recording", min(rates), max(rates)
 
 
@@ -724,10 +701,9 @@ def record(topic: Topic, found: Characterisation) -> Blocks:
 def budget(topic: Topic, found: Characterisation) -> Blocks:
     """Show the uncertainty budget of the speed levels with the smallest and the largest uncertainty."""
     levels = sorted(found.levels, key=lambda level: level.expanded_n)
-    shown = levels if len(levels) == 1 else [levels[0], levels[-1]]
     assumed = ", ".join(sorted({e.source for level in levels for e in level.budget if e.basis == "assumed"}))
     yield topic.text()
-    for level in shown:
+    for level in [levels[0], *levels[1:][-1:]]:
         chance = np.nan_to_num(level.stderr_n)
         rows: list[tuple] = [("spread between strokes", "data", "A", "", chance, None)]
         for e in sorted(level.budget, key=lambda e: -e.friction_n):

@@ -358,7 +358,7 @@ def _scale(axis: Axes, side: str, own: Axis, marks: Sequence[Any]) -> None:
     every = np.concatenate([v[np.isfinite(v)] for v in values]) if values else np.zeros(0)
     if own.scale == "log" or (own.scale == "wide" and every.size and every.max() > WIDE * every.min()):
         logarithmic(axis, side)
-    largest = [float(v.max()) for v in values if v.size] if own.scale == "far" else []
+    largest = [v.max() for v in values if v.size] if own.scale == "far" else []
     if largest and max(largest) > FAR_APART * min(largest) > 0.0:
         getattr(axis, f"set_{side}scale")("symlog", linthresh=10.0 ** np.floor(np.log10(min(largest))))
         getattr(axis, f"{side}axis").set_major_formatter(lambda value, _: f"{value:g}")

@@ -48,22 +48,17 @@ def sizing_view(found: SizingResult) -> View:
     """Return the view of a sizing: answer, open checks with remedies, candidates with limits, plot of time over air."""
     topic, cheaper = Topic("sizing", "candidates"), found.cheaper[:WRITTEN]
     best = {found.ranked.index(drive) + 1: drive for drive in found.by_cylinder}
-    rows = (
-        (f"{k:02d}.toml", one.part_names, one.needles, ", ".join(one.open_names) or "none") for k, one in best.items()
-    )
-    is_open = found.feasible or (found.miss is None and bool(found.provisional))
+    rows = ((f"{k:02d}.toml", d.part_names, d.needles, ", ".join(d.open_names) or "none") for k, d in best.items())
+    is_open = found.feasible or (found.miss is None and found.provisional)
     tables = (
         topic.table(rows, "ranking"),
         _ranges(best or dict(enumerate(cheaper, 1)), Topic("sizing", "limits").say("table")),
         topic.table(cheaper, "missed", which=topic.say("cheaper" if best else "nearest")),
     )
+    values = ((rank, drive_values(drive, row)) for row, (rank, drive) in enumerate(best.items(), 1))
     return View(
         found.answer,
-        [
-            replace(value, label=str(rank))
-            for row, (rank, drive) in enumerate(best.items(), 1)
-            for value in drive_values(drive, row)
-        ],
+        [replace(value, label=str(rank)) for rank, own in values for value in own],
         state="good" if found.ready else "open" if is_open else "bad",
         leading=tuple(_leading(found)),
         findings=found.findings,
@@ -107,9 +102,7 @@ def _ranges(numbered: Mapping[int, SizedDrive], caption: str) -> ShownTable:
         ends = [_ends(drive, name, factor) for drive in shown]
         if words not in names and any(ends):
             rows.append((f"{words}, {unit}", *ends))
-    return ShownTable(
-        caption, ("", *(f"{k} {maker_type(d.parts['cylinder'])}" for k, d in numbered.items())), tuple(rows)
-    )
+    return ShownTable(caption, ("", *(f"{k} {maker_type(d.parts['cylinder'])}" for k, d in numbered.items())), rows)
 
 
 def _ends(drive: SizedDrive, name: str, factor: float) -> str:
@@ -190,11 +183,9 @@ def write_sizing_report(found: SizingResult, folder: str | Path) -> Path:
     """
     topic, view = Topic("sizing", "candidates"), found.view()
     notes = (topic.say(), Topic("sizing", "limits").say())
-    candidates = view_section(
-        "candidates", replace(view, title=topic.say("title"), leading=(), findings=(), notes=notes)
-    )
+    shown = replace(view, title=topic.say("title"), leading=(), findings=(), notes=notes)
     about = {"best": _best, "values": _values, "task": _task, "again": _method}
-    parts = [candidates, *sections_of("sizing", about, found, synthetic=False)]
+    parts = [view_section("candidates", shown), *sections_of("sizing", about, found, synthetic=False)]
     verdict = [Finding(view.title, view.state), *view.findings, *map(Finding, view.notes)]
     lines = [replace(line, text=f"{line.text[:1].upper()}{line.text[1:]}") for line in verdict]
     if found.best is not None:
@@ -216,13 +207,9 @@ def sizing_sheet(found: SizingResult) -> View:
     """Return the sheet of the best choice: sketch, order list, open checks, and its ranges against the limits."""
     topic, task, best = Topic("sizing", "sheet"), found.task, found.ranked[0]
     stroke = f"{1e3 * task.stroke_m:.4g} mm"
-    number = {"cylinder": f"1, stroke {stroke}", "tube": f"{2.0 * task.tube_length_m:.3g} m"}
-    number |= {"flow_control": "2"}
-    order = [
-        (number.get(slot, "1"), slot.replace("_", " "), maker_type(name), name)
-        for slot, name in best.parts.items()
-        if name not in (WITHOUT, "*")
-    ]
+    number = {"cylinder": f"1, stroke {stroke}", "tube": f"{2.0 * task.tube_length_m:.3g} m", "flow_control": "2"}
+    parts = {slot: name for slot, name in best.parts.items() if name not in (WITHOUT, "*")}
+    order = [(number.get(slot, "1"), slot.replace("_", " "), maker_type(name), name) for slot, name in parts.items()]
     hanging = [("missing", math.ceil(check.value)) for check in found.open_checks if "hangs" in check.name]
     clamps = hanging or ([] if task.clamp_force_n is None else [("clamp", task.clamp_force_n)])
     order += [("1", slot, f"rod clamp, {force:g} N or more", "–") for slot, force in clamps]

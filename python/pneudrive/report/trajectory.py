@@ -80,7 +80,7 @@ def over_time(run: xr.Dataset, most: int = 20_000) -> Figure:
     if "time" not in run.coords:
         raise CommandError("this is not the dataset of a run", rule="with a coordinate time, as pn.simulate returns it")
     part = thin(run.time, most)
-    time, panels = run.time.to_numpy()[part], []
+    time, panels = run.time.values[part], []
     for label, last, unit in Topic("trajectory", "run").texts["panels"]:
         wanted = re.compile(rf"{last}(_[ab])?|.+\.{last}")
         of_kind = (str(name) for name, variable in run.data_vars.items() if variable.attrs.get("units") == unit)
@@ -88,18 +88,15 @@ def over_time(run: xr.Dataset, most: int = 20_000) -> Figure:
         # End stops only if one was touched.
         if all(name.endswith("end_stop_force") and not bool((run[name] != 0.0).any()) for name in names):
             continue
-        is_drive = not any("." in name for name in names)
-        looks = (figures.MEASURED, figures.MODEL) if is_drive else figures.LOOKS  # of a drive with its two chambers
-        lines = []
+        is_circuit, lines = any("." in name for name in names), []
+        looks = figures.LOOKS if is_circuit else (figures.MEASURED, figures.MODEL)  # of a drive with its two chambers
         for name, own in zip(names, looks, strict=False):
-            # A curve is named by its component, or by its chamber.
-            component, _, variable = name.rpartition(".")
-            words = component or variable.removeprefix(last).replace("_", "chamber ")
+            # Of several curves, each is named by its component, or by its chamber.
+            words = name.rpartition(".")[0] if is_circuit else name.removeprefix(last).replace("_", "chamber ")
             words = words if len(names) > 1 else ""
-            lines.append(Line(time, run[name].to_numpy()[part], words, own, 1.0, steps=label == "command"))
+            lines.append(Line(time, run[name].values[part], words, own, 1.0, steps=label == "command"))
         panels.append(Panel(lines, y=label))
-    title = run.attrs.get("title")
-    above = fill(f"{title} (simulated)", 100) if title else ""
+    above = fill(f"{run.attrs['title']} (simulated)", 100) if run.attrs.get("title") else ""
     return stack(panels or [Panel([])], 1.15 * len(panels) + 0.5, legend="over", title=above)
 
 
@@ -141,10 +138,10 @@ def plot_lines(study: xr.Dataset, path: str | Path | None = None) -> DrawnFigure
 
 def tubes_figure(study: xr.Dataset) -> Figure:
     """Draw mean speed and stroke time over the length of the tubes, a curve for each bore."""
-    panels, bores, length = [], study.diameter.to_numpy(), study.length.to_numpy()
+    panels, bores, length = [], study.diameter.values, study.length.values
     for label, name in (("mean speed of the stroke / (m/s)", "mean_speed"), ("stroke time / s", "stroke_time_out")):
         curves = [
-            Markers(length, study[name][number].to_numpy(), f"{1e3 * bore:g} mm bore", ramp(number, bores.size),
+            Markers(length, study[name][number].values, f"{1e3 * bore:g} mm bore", ramp(number, bores.size),
                    filled=True, joined=True)
             for number, bore in enumerate(bores)
         ]  # fmt: skip
@@ -155,11 +152,10 @@ def tubes_figure(study: xr.Dataset) -> Figure:
 
 def view_of_tubes(study: xr.Dataset) -> View:
     """Return speeds and stroke times of a drive for each bore and length of its tubes, with the picture."""
-    topic, drives = Topic("trajectory", "tubes"), {"without tubes": study.attrs["without_tubes"]}
-    drives |= {"as described": study.attrs["as_described"]} if "as_described" in study.attrs else {}
-    for d, m in product(study.diameter.to_numpy(), study.length.to_numpy()):
-        values = study.sel(diameter=d, length=m)
-        drives[f"{1e3 * d:g} mm {m:g} m"] = {str(name): float(values[name]) for name in study.data_vars}
+    topic, known = Topic("trajectory", "tubes"), ("without_tubes", "as_described")
+    drives = {name.replace("_", " "): study.attrs[name] for name in known if name in study.attrs}
+    for d, m in product(study.diameter.values, study.length.values):
+        drives[f"{1e3 * d:g} mm {m:g} m"] = study.sel(diameter=d, length=m)
     full, heads = study.attrs["without_tubes"]["mean_speed"], topic.texts["columns"]
     rows = []
     for label, values in drives.items():
@@ -199,8 +195,8 @@ def run_figure(run: xr.Dataset) -> Figure:
     """Draw a run under control over time."""
     check_si(run)
     part = thin(run.time, MOST_SHOWN)
-    time = run.time.to_numpy()[part]
-    known = {str(name): run[name].to_numpy()[part] for name in run.data_vars}
+    time = run.time.values[part]
+    known = {str(name): run[name].values[part] for name in run.data_vars}
     title = f"{run.attrs.get('law', '')} on {run.attrs.get('title', 'a drive')}"
     score = attributes(run).get("score", {})
     if "coordinates" in score:
@@ -259,15 +255,12 @@ def plot_reference(reference: Reference, tuning: Tuning, path: str | Path | None
     """
     end_s = 4.0 / reference.frequency_hz if reference.is_sine else reference.duration_s
     time = np.linspace(0.0, end_s, MOST_SHOWN)
-    x, v, a, _ = reference.at(time).T
     out, back = tuning.speeds_m_s
-    limits = (0.0, tuning.plant.stroke_m), (-back, out)
-    stroke, speed = ([Rule(y=limit, look=REFERENCE, width=1.1) for limit in pair] for pair in limits)
-    panels = [
-        Panel([Line(time, x), *stroke], y="position / mm"),
-        Panel([Line(time, v), *speed], y="velocity / (m/s)"),
-        Panel([Line(time, a)], y="acceleration / (m/s²)"),
-    ]
+    limits = {"position / mm": (0.0, tuning.plant.stroke_m), "velocity / (m/s)": (-back, out)}
+    panels = []
+    for label, values in zip((*limits, "acceleration / (m/s²)"), reference.at(time).T, strict=False):
+        rules = (Rule(y=limit, look=REFERENCE, width=1.1) for limit in limits.get(label, ()))
+        panels.append(Panel([Line(time, values), *rules], y=label))
     return draw_figure(_over_time(panels), path, synthetic=False)
 
 
@@ -294,8 +287,7 @@ def controllers_view(found: ControlComparison, measures: Collection[str] = ()) -
     """Return the view of a benchmark. `measures` selects the columns of its table, by default all."""
     topic, leading, failed = Topic("control", "reference"), [], [run for run in found.runs if run.score is None]
     for along, text in found.references.items():
-        best = found.best(along)
-        if best is not None:
+        if (best := found.best(along)) is not None:
             error = written("max_error_m", found.middle(best, along, "max_error_m"))
             said = topic.say("best", called=_called(along, text), law=best)
             leading.append(ShownValue(f"{along}.best", along, said, error))
@@ -303,8 +295,8 @@ def controllers_view(found: ControlComparison, measures: Collection[str] = ()) -
     findings = [
         Finding(f"{plural(count, 'run')} of {law} ended early: {reason}", "bad") for (law, reason), count in ended
     ]
-    total = found.count * len(found.references) * len(found.laws)
     if not found.is_finished:
+        total = found.count * len(found.references) * len(found.laws)
         findings.append(Finding(f"{len(found.runs)} of {total} runs are done.", "open", "Repeat the command."))
     truth = ((name, *ends) for name, ends in found.truth.items())
     # Differences between the runs, and between the true drive and the assumed one.
@@ -320,7 +312,7 @@ def controllers_view(found: ControlComparison, measures: Collection[str] = ()) -
     return View(
         f"{found.drive} under {plural(len(found.laws), 'controller')}, {plural(len(found.runs), 'simulated run')}",
         [value for along in found.references for value in found.values(along, measures)],
-        notes=tuple(notes),
+        notes=notes,
         state="bad" if failed else "good" if found.is_finished else "open",
         leading=leading[:MOST_LEADING],
         findings=findings,
@@ -363,11 +355,11 @@ def _reference_figures(found: ControlComparison) -> Iterator[ShownFigure]:
 def box_marks(position: int, values: Sequence[float]) -> Iterator[Any]:
     """Yield a vertical box plot of values at a position: 5, 25, 50, 75 and 95 % quantiles, and the values outside."""
     low, first, middle, last, high = np.quantile(values, (0.05, 0.25, 0.5, 0.75, 0.95))
-    outside = np.asarray([v for v in values if not low <= v <= high])
+    outside = [v for v in values if not low <= v <= high]
     yield Line((low, high), (position, position), width=0.9)
     yield Line((first, last), (position, position), look=Look("grey"), width=7.0)
     yield Markers([middle], [position], look=Look("orange", "-", "|"), size=9.0)
-    yield Markers(outside, np.full(outside.size, position), look=Look("black", "-", "."), size=3.0)
+    yield Markers(outside, [position] * len(outside), look=Look("black", "-", "."), size=3.0)
 
 
 def tracks_of(found: ControlComparison, along: str) -> Iterator[tuple[ControlledRun, Columns]]:
@@ -412,31 +404,31 @@ DRAWN = {"total": Look("blue"), "first": Look("orange")}
 def ensemble_view(found: xr.Dataset) -> View:
     """Return the view of an ensemble: the spread of each output over all members with a value, and the failures."""
     rows, missing, fans, counts = [], [], [], []
-    for name, column in ((str(name), found[name]) for name in found.data_vars if name not in ("status", "reason")):
-        values, (size, unit) = column.to_numpy(), readable(str(column.attrs.get("units", "1")))
-        label = Axis(figures.label_of(name, unit))
+    for name, column in found.drop_vars(("status", "reason"), errors="ignore").items():
+        values, (size, unit) = column.values, readable(str(column.attrs.get("units", "1")))
+        label = Axis(figures.label_of(str(name), unit))
         finite = values[np.isfinite(values)]
         if values.ndim > 1:
             low, first, middle, last, high = np.nanquantile(values, (0.05, 0.25, 0.5, 0.75, 0.95), axis=0)
-            time, tints = found["time"].to_numpy(), (Look("grey"), Look("blue"))
+            time, tints = found["time"].values, (Look("grey"), Look("blue"))
             bands = [Band(time, low, high, "5 to 95 %", tints[0]), Band(time, first, last, "25 to 75 %", tints[1])]
             fans.append(Panel([*bands, Line(time, middle, "median")], "", "time / s", label))
             continue
         ends = np.quantile(finite, list(QUANTILES.values())) / size if finite.size else ()
         texts = [f"{end:.5g} {unit}".strip() for end in ends] or ["-"] * len(QUANTILES)
-        rows += [ShownValue(f"{name}, {q}", name, q, text) for q, text in zip(QUANTILES, texts, strict=True)]
+        rows += [ShownValue(f"{name}, {q}", str(name), q, text) for q, text in zip(QUANTILES, texts, strict=True)]
         if finite.size < values.size:
             missed = f"{name} has no value in {values.size - finite.size} of {values.size} members"
             missing.append(Finding(f"{missed}: its row describes the others.", "open"))
         if finite.size and np.ptp(finite) > 0.0:
             number, edges = np.histogram(finite, BINS)
             middles = 0.5 * (edges[1:] + edges[:-1])
-            bars = Bars(middles, number, thickness=float(edges[1] - edges[0]))
+            bars = Bars(middles, number, thickness=edges[1] - edges[0])
             counts.append(Panel([bars], "", label, "members"))
-    status = found["status"].to_numpy() if "status" in found else np.zeros(found.sizes["member"])
+    status = found["status"].values if "status" in found else np.zeros(found.sizes["member"])
     failed = np.flatnonzero(status)[:1]
-    words = (str(found["reason"].to_numpy()[i]) if "reason" in found else "see the table of members" for i in failed)
-    reasons = [Finding(f"member {i}: {reason}", "bad") for i, reason in zip(failed, words, strict=True)]
+    words = found["reason"].values if "reason" in found else ["see the table of members"] * status.size
+    reasons = [Finding(f"member {i}: {words[i]}", "bad") for i in failed]
     topic, drawn = Topic("trajectory", "ensemble"), {"fan": fans, "members": counts}
     before = f"{found.attrs['title']}: " if "title" in found.attrs else ""
     return View(
@@ -450,26 +442,26 @@ def ensemble_view(found: xr.Dataset) -> View:
 
 def sensitivity_view(found: xr.Dataset) -> View:
     """Return the view of sensitivities: the effect of each number on each output, with intervals and a bar chart."""
-    numbers = [str(name) for name in found["number"].to_numpy()]
+    numbers = found["number"].values.tolist()
     rows, leading, findings, panels = [], [], [], []
-    for output in map(str, found["output"].to_numpy()):
+    for output in found["output"].values.tolist():
         own = found.sel(output=output)
-        total = own["total"].to_numpy()
+        total = own["total"].values
         if not np.isfinite(total).any():
             findings.append(Finding(f"{output} does not vary with these numbers.", "open"))
             continue
-        marks, positions = [], np.arange(len(numbers), dtype=float)
+        marks, positions = [], np.arange(len(numbers))
         for place, (name, color) in enumerate(DRAWN.items()):
             at = positions + 0.2 - 0.4 * place
-            low, high = own[f"{name}_interval"].to_numpy()
-            marks.append(Bars(at, own[name].to_numpy(), name, color, 0.35, across=True))
+            low, high = own[f"{name}_interval"].values
+            marks.append(Bars(at, own[name].values, name, color, 0.35, across=True))
             marks += [Line(ends, (y, y)) for y, *ends in zip(at, low, high, strict=True)]
-            for number, value, *ends in zip(numbers, own[name].to_numpy(), low, high, strict=True):
-                key, interval = f"{output}, {number}, {name}", (float(ends[0]), float(ends[1]))
-                rows.append(ShownValue(key, f"{output}: {number}", name, float(value), "", interval))
+            for number, value, *ends in zip(numbers, own[name].values, low, high, strict=True):
+                key = f"{output}, {number}, {name}"
+                rows.append(ShownValue(key, f"{output}: {number}", name, value, "", tuple(ends)))
         at = int(np.nanargmax(total))
-        words = f"{output}, most by {numbers[at]}: total"
-        leading.append(replace(rows[at - len(DRAWN) * len(numbers)], quantity=words))
+        row = rows[at - len(DRAWN) * len(numbers)]
+        leading.append(replace(row, quantity=f"{output}, most by {numbers[at]}: total"))
         panels.append(Panel(marks, output, Axis("fraction of the variance", is_si=False), Axis(names=numbers)))
     points = zip(found["output"].values, found["used"].values, strict=True)
     used = ", ".join(f"{int(count)} for {name}" for name, count in points)

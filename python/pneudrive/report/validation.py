@@ -81,7 +81,7 @@ def _rows(record: Keyed) -> Iterator[ShownValue]:
     for column, title in CHANNELS.items():
         found, label, key = record[column], f"{record['name']}{badge}: {title}", f"{record['name']}: {title}"
         for name, (words, run, measure, percent) in Topic("validation", "agreement").texts.items():
-            value = percent * float(found[run].get(measure, math.nan)) if percent else float(found[run][measure])
+            value = (percent or 1.0) * float(found[run].get(measure, math.nan))
             unit = "" if percent else "m" if column.endswith("_m") else "Pa"
             yield ShownValue(f"{key}.{name}", label, words, value, unit)
         if found.get("off_s") is not None:
@@ -115,11 +115,8 @@ def channel_figure(columns: Keyed) -> Figure:
         unit = quantity(column)[1]
         lines = [Line(t, measured, "measured"), Line(t, free, "free run", MODEL)]
         panels.append(Panel(lines, y=f"{CHANNELS[column]} / {unit}"))
-        rests = [
-            Line(t, measured - again, "from measured states", drawing.RESIDUAL, 0.7),
-            Line(t, measured - free, look=MODEL),
-        ]
-        panels.append(Panel(rests, y=f"residual / {unit}"))
+        rest = Line(t, measured - again, "from measured states", drawing.RESIDUAL, 0.7)
+        panels.append(Panel([rest, Line(t, measured - free, look=MODEL)], y=f"residual / {unit}"))
     return stack(panels, 7.2, (2, 1, 2, 1, 2, 1))
 
 
@@ -177,9 +174,8 @@ def friction_view(found: FrictionValidation) -> View:
     law, rows = Topic("validation", "curves"), []
     for points in curves:
         whole, mean = agreement(points), (points["model_n"] - points["friction_n"]).mean()
-        condition, direction, *_ = points.row(0)
-        inside = fraction_inside(points)
-        rows.append((condition, DIRECTIONS[direction], points.height, mean, whole.largest, whole.nrmse, inside))
+        about = (points[0, 0], DIRECTIONS[points[0, 1]], points.height)
+        rows.append((*about, mean, whole.largest, whole.nrmse, fraction_inside(points)))
     return View(
         f"friction of {found.drive.name} against {found.source.name}",
         state=MET[found.met],
@@ -194,10 +190,9 @@ def friction_figure(curves: list[pl.DataFrame]) -> Figure:
     """Draw measured points and the lines of the law, a panel for each condition, for at most `MOST_SHOWN` curves."""
     panels: dict[str, list[Markers | Line]] = {}
     for points in curves[:MOST_SHOWN]:
-        condition, direction, *_ = points.row(0)
         speed, friction, low, high, model = points[:, 2:].to_numpy().T
-        marks = panels.setdefault(condition, [])
-        own, label = look(len(marks) // 2), f"measured, {DIRECTIONS[direction]}; line: law"
+        marks = panels.setdefault(points[0, 0], [])
+        own, label = look(len(marks) // 2), f"measured, {DIRECTIONS[points[0, 1]]}; line: law"
         marks.append(Markers(speed, friction, label, own, low, high, filled=True))
         marks.append(Line(speed, model, look=own))
     return figure_of("law", [Panel(marks, name) for name, marks in panels.items()])
