@@ -284,13 +284,14 @@ def apply(fit: Path, drive: str | None = None, *, out: Path | None = None) -> No
     found = files.read_fit(fit)
     if out is not None:
         found = replace(found, file=inputs.path_from(str(fit.resolve()), out.parent))
-    is_bound = isinstance(found, volume.RegulatorFit) or (isinstance(found, follow.FollowFit) and drive is not None)
-    if is_bound:
+    if isinstance(found, follow.FollowFit) and drive is None:
+        described = found.apply()
+    elif isinstance(found, follow.FollowFit | volume.RegulatorFit):
         raise CommandError(f"the values of a {found.TITLE} do not belong to a drive", where=fit)
-    if drive is not None:
+    elif drive is not None:
         target: Any = pn.Tank.load(drive) if isinstance(found, volume.VolumeFit) else load.load_described(drive)
         described = found.apply(target)
-    elif isinstance(found, follow.FollowFit | volume.VolumeFit | drive_fits.DriveFit):
+    elif isinstance(found, volume.VolumeFit | drive_fits.DriveFit):
         described = found.apply()
     else:
         raise CommandError.of("cli.no-drive")

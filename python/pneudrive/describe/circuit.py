@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from pneudrive.describe.files.sourced import Value
     from pneudrive.describe.marks import Positions, Signal
     from pneudrive.describe.system import ShortNames
+    from pneudrive.progress import Flag, Progress
     from pneudrive.simulation.command import Commands
 
 #: Valid name of a component.
@@ -307,7 +308,19 @@ class Circuit(DescribedSystem):
         starts = Starts(self)
         return starts.keys | {key: key for key in starts.coordinates}
 
-    def simulate(self, commands: Commands, duration: str | float, **options: Any) -> xr.Dataset:  # noqa: ANN401
+    def simulate(
+        self,
+        commands: Commands,
+        duration: str | float,
+        *,
+        initial: Keyed | str | None = None,
+        sample_rate: str | float = "1 kHz",
+        rtol: float = 1e-6,
+        ledger: bool = False,
+        budget: int | None = None,
+        progress: Progress | None = None,
+        cancel: Flag | None = None,
+    ) -> xr.Dataset:
         """Simulate the circuit, as ``pn.simulate(circuit, ...)`` does.
 
         Parameters
@@ -316,11 +329,10 @@ class Circuit(DescribedSystem):
             Commands by component: ``{"valve_l": "0 s: 1, 0.5 s: -1", "valve_r": 0.4}``, each in a form that
             `pneudrive.simulate` accepts. A text may begin with the name, ``"valve_l: 0 s: 1, 0.5 s: -1"``. The name is
             optional if only one component has a command. A valve without a command stays closed.
-        duration : str or float
+        duration, sample_rate, rtol, ledger, budget, progress, cancel
             See `pneudrive.simulate`.
-        **options
-            Further arguments of `pneudrive.simulate`: `initial` (see `start`), `sample_rate`, `rtol`, `ledger`,
-            `budget`, `progress`, `cancel`.
+        initial : dict or str, optional
+            Start values, see `start`.
 
         Returns
         -------
@@ -332,7 +344,8 @@ class Circuit(DescribedSystem):
         CommandError, DescriptionError, SimulationError, Cancelled
             As `pneudrive.simulate`.
         """
-        return upper("simulate")(self, commands, duration, **options)
+        options = {"initial": initial, "sample_rate": sample_rate, "rtol": rtol, "ledger": ledger, "budget": budget}
+        return upper("simulate")(self, commands, duration, **options, progress=progress, cancel=cancel)
 
     @cached_property
     def assumptions(self) -> list[tuple[str, str]]:

@@ -54,6 +54,7 @@ from pneudrive.errors import (
     wrong as wrong,
 )
 from pneudrive.lazy_names import upper as upper
+from pneudrive.progress import Flag as Flag, Progress as Progress
 from pneudrive.repr_tables import Card as Card
 from pneudrive.simulation.command import Commands as Commands
 from typing import Any, ClassVar, Literal
@@ -106,7 +107,19 @@ class Circuit(DescribedSystem):
     def core_initial(self, initial: object = None) -> NamedNumbers: ...
     @cached_property
     def start_names(self) -> dict[str, str]: ...
-    def simulate(self, commands: Commands, duration: str | float, **options: Any) -> xr.Dataset: ...
+    def simulate(
+        self,
+        commands: Commands,
+        duration: str | float,
+        *,
+        initial: Keyed | str | None = None,
+        sample_rate: str | float = "1 kHz",
+        rtol: float = 1e-06,
+        ledger: bool = False,
+        budget: int | None = None,
+        progress: Progress | None = None,
+        cancel: Flag | None = None,
+    ) -> xr.Dataset: ...
     @cached_property
     def assumptions(self) -> list[tuple[str, str]]: ...
     @property

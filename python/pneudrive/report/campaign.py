@@ -133,7 +133,7 @@ def _leading(found: CampaignCharacteristics, values: Sequence[ShownValue]) -> It
     for c in [c for c in found.curves if c.direction == BOTH][:1]:
         for i in dict.fromkeys(np.flatnonzero(c.measured)[[0, -1]].tolist()):
             name = f"friction at {MM * c.speed_m_s[i]:.3g} mm/s, {named(c.condition)}:"
-            yield ShownValue(name, name, name, c.friction_n[i], "N", (c.low_n[i], c.high_n[i]))
+            yield ShownValue(name, name, name, float(c.friction_n[i]), "N", (float(c.low_n[i]), float(c.high_n[i])))
     first = slice(0, 1)  # of several pressures; the mean over conditions is the last one of a series of stops
     for begin, part in (("pressure of", first), ("breakaway per decade", slice(-1, None)), ("scatter of one", first)):
         chosen = [row for row in values if row.key.startswith(begin) and row.quantity == "value"]
@@ -177,7 +177,7 @@ def curves(topic: Topic, found: CampaignCharacteristics) -> Blocks:
     rows = []
     for c in both[:MOST_CURVES]:
         for i in spread_evenly(np.flatnonzero(c.measured).tolist(), SHOWN_SPEEDS):
-            friction = with_u(c.friction_n[i], (c.high_n[i] - c.low_n[i]) / 2.0, "")
+            friction = with_u(float(c.friction_n[i]), float(c.high_n[i] - c.low_n[i]) / 2.0, "")
             uncertainties = c.stderr_n[i], c.u_systematic_n[i]
             rows.append((named(c.condition), MM * c.speed_m_s[i], friction, *uncertainties, c.cycles[i]))
     yield topic.table(rows)

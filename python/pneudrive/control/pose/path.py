@@ -154,7 +154,7 @@ def pose_path(given: PosePath | Mapping[str, str] | str | Path, platform: Platfo
             names = {"of": platform.name, "coordinates": ", ".join(platform.coordinates)}
             remedy = nearest(unknown, platform.coordinates)
             raise invalid(unknown, "control.coordinate", key=unknown, **names, remedy=remedy)
-        lines = {}
+        lines, key = {}, ""
         try:
             for key, unit, home in zip(platform.coordinates, platform.units, platform.home, strict=True):
                 lines[key] = _line(tables.get(key), unit, float(home))

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import polars as pl
 
-from pneudrive.arrays import attributes_of, by_name, evenly
+from pneudrive.arrays import Plain, attributes_of, by_name, evenly
 from pneudrive.batching import many_objects
 from pneudrive.campaign.storage.folder import Campaign
 from pneudrive.estimate.estimates import Estimate, mean_estimate, one_thread
@@ -248,7 +248,7 @@ def _cycles(reading: CampaignData, points: CurvePoints | None) -> pl.DataFrame:
 #: Largest relaxed fraction of the friction at the start of a hold that bristles of a drive allow.
 MOST_RELAXED = 0.99
 
-Part = tuple[str, dict[str, object], dict[str, Estimate]]
+Part = tuple[str, Plain, dict[str, Estimate]]
 """Key in [friction], entries of its table that are not estimates, and its estimates by name."""
 
 
@@ -308,7 +308,7 @@ def _position(found: CampaignCharacteristics, viscous_n_s_m: float, levels: tupl
         for wave in pattern.harmonics
     ]
     if harmonics or slope.differs:
-        table = {"reference": f"{middle:.6g} m"} | ({"harmonics": harmonics} if harmonics else {})
+        table: Plain = {"reference": f"{middle:.6g} m"} | ({"harmonics": harmonics} if harmonics else {})
         yield "position", table, {"slope": slope} if slope.differs else {}
 
 
@@ -331,7 +331,8 @@ def _contact_age(
 
 
 def _dwell(age: dwell_law.ContactAge, notes: list[str]) -> Iterator[Part]:
-    estimates, table = {"increment": age.increment, "time": age.time}, {"growth": age.form.growth}
+    table: Plain = {"growth": age.form.growth}
+    estimates = {"increment": age.increment, "time": age.time}
     if age.distance is None:
         notes.append(sentence("modifier.no_distance"))
         table["distance"] = f"{age.distance_m:.6g} m"
@@ -364,7 +365,7 @@ def _relaxation(stops: pl.DataFrame, notes: list[str]) -> Iterator[Part]:
     time = mean_estimate(np.log(of_one_time["relaxation_time_s"].to_numpy()), "1")
     middle, low, high = (float(np.exp(end)) for end in (time.value, time.low, time.high))
     notes.append(sentence("modifier.bristles"))
-    table = {"distance": f"{dwell_law.ASSUMED_DISTANCE_M:.6g} m"}
+    table: Plain = {"distance": f"{dwell_law.ASSUMED_DISTANCE_M:.6g} m"}
     yield "relaxation", table, {"share": mean_estimate(shares, "1"), "time": Estimate(middle, low, high, np.nan, "s")}
 
 

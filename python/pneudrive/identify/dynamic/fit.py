@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal, overload
 
 import numpy as np
 
@@ -19,9 +19,9 @@ from pneudrive.identify.base import SIMULATED, Fit, Undetermined
 from pneudrive.identify.dynamic import search
 from pneudrive.identify.dynamic import sensors as sensing
 from pneudrive.identify.dynamic.problem import FitProblem, FittedRecording, Iterate, segment_starts, start_states
-from pneudrive.identify.dynamic.result import LARGEST_REACH, assembled, unresolved_damping
+from pneudrive.identify.dynamic.result import LARGEST_REACH, DriveFit, assembled, unresolved_damping
 from pneudrive.identify.follow.driven import check_follow
-from pneudrive.identify.follow.fit import identify_motion
+from pneudrive.identify.follow.fit import FollowFit, identify_motion
 from pneudrive.identify.identified import FittedData, apply_identified
 from pneudrive.progress import UNWATCHED, Flag, Progress, Watch
 from pneudrive.signals.drive_recording import check_plausible, read_drive_recordings, refuse_standstill, time_gaps
@@ -93,9 +93,33 @@ GAIN = 0.02
 SEGMENT_S, THREADS = 0.4, 2
 
 
+@overload
 def identify(
-    drive: Any,  # noqa: ANN401 - a drive or a circuit, or the path of a circuit that follows a motion
+    drive: Drive | Circuit,
     recordings: Any,  # noqa: ANN401 - one or several recordings of several types
+    free: Sequence[str],
+    *,
+    follow: None = None,
+    sensors: Mapping[str, sensing.Sensor | Keyed] | None = None,
+    channels: Sequence[str] | None = None,
+    layout: str | Path | None = None,
+    progress: Progress | None = None,
+    cancel: Flag | None = None,
+) -> DriveFit: ...
+@overload
+def identify(
+    drive: Circuit | str | Path,
+    recordings: Any,  # noqa: ANN401
+    free: Sequence[str] = ("volumes", "heat"),
+    *,
+    follow: Literal["motion"],
+    layout: str | Path | None = None,
+    progress: Progress | None = None,
+    cancel: Flag | None = None,
+) -> FollowFit: ...
+def identify(
+    drive: Any,
+    recordings: Any,
     free: Sequence[str] = ("volumes", "heat"),
     *,
     follow: str | None = None,
@@ -104,7 +128,7 @@ def identify(
     layout: str | Path | None = None,
     progress: Progress | None = None,
     cancel: Flag | None = None,
-) -> Any:  # noqa: ANN401 - a fit of a drive, or along motions
+) -> DriveFit | FollowFit:
     """Identify parameters of a drive or a circuit from recordings of its motion by output error.
 
     The drive is simulated under the recorded command. Free parameters of the drive and the sensors, and the start of
@@ -256,7 +280,7 @@ def _resolvable(
     force = numbers.get(f"{of}.breakaway", numbers[f"{of}.coulomb"]).value
     position = described["position"]
     noise = [sensing.white_noise(r["position_m"]) for r in records if "position_m" in r]
-    step = max(position.resolution, np.median(noise))
+    step = max(position.resolution, np.median(noise) if noise else 0.0)
     lost = unresolved_damping(step, force, numbers[f"{of}.bristle_stiffness"].value)
     if lost is None:
         return parameters

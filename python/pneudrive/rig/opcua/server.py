@@ -253,11 +253,11 @@ class RigServer:
         if name is None:
             return ua.StatusCode(ua.StatusCodes.BadUserAccessDenied)
         node = self.nodes.nodes[name]
-        raw: Any = None if variant is None else variant.Value
-        is_of_type = raw is not None and variant.VariantType is ua.VariantType[node.type]
-        if not is_of_type or isinstance(raw, list) != node.kind.array:
+        if variant is None or variant.Value is None or variant.VariantType is not ua.VariantType[node.type]:
             return ua.StatusCode(ua.StatusCodes.BadTypeMismatch)
-        is_text = isinstance(raw, str)
+        raw, is_text = variant.Value, isinstance(variant.Value, str)
+        if isinstance(raw, list) != node.kind.array:
+            return ua.StatusCode(ua.StatusCodes.BadTypeMismatch)
         too_long = np.size(raw) > self.nodes.handshake.steps or (is_text and len(raw) > LONGEST_TEXT)
         if too_long or not (is_text or np.isfinite(raw).all()):
             return ua.StatusCode(ua.StatusCodes.BadOutOfRange)
