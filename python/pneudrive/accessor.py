@@ -73,17 +73,18 @@ class Pneu:
             if not isinstance(unit, str):
                 remedy = 'Write for instance run.pneu.to("bar", "mm").'
                 raise CommandError(f"the unit {unit!r} is not a string", remedy=remedy)
-            before = len(changed)
+            found: dict[str, xr.DataArray] = {}
             for name, values in columns.items():
                 with suppress(DescriptionError):  # of another quantity
                     factor, offset = units.converter(unit, _si(values))
                     shown = (np.asarray(values) - offset) / factor
-                    changed[str(name)] = xr.DataArray(shown, dims=values.dims, attrs={**values.attrs, "units": unit})
-            if len(changed) == before:
+                    found[str(name)] = xr.DataArray(shown, dims=values.dims, attrs={**values.attrs, "units": unit})
+            if not found:
                 raise CommandError(
                     f'no column of this run can be converted to "{unit}"',
                     rule=f"a unit that converts to {', '.join(sorted({_si(column) for column in columns.values()}))}",
                 )
+            changed |= found
         return self._run.assign(changed)
 
     def plot(self, path: str | Path | None = None) -> Figure:

@@ -59,7 +59,7 @@ def test_a_drawing_has_every_shape_where_it_is_with_y_down(drive):
 
 
 def test_one_unit_converts_all_columns_of_its_quantity(run):
-    shown = run.pneu.to("bar", "mm", "degC", "ms")
+    shown = run.pneu.to("kPa", "bar", "mm", "degC", "ms")
     assert shown.pressure_a.to_numpy() == pytest.approx(run.pressure_a.to_numpy() / 1e5)
     assert shown.pressure_b.units == "bar"
     assert shown.bristle_deflection.to_numpy() == pytest.approx(1e3 * run.bristle_deflection.to_numpy())

@@ -308,8 +308,8 @@ class Fit(Viewed):
 
     @property
     def standard_errors(self) -> NamedNumbers:
-        """First-order statistical standard error of each free value that has an interval."""
-        every = zip(self.free, np.sqrt(np.maximum(np.diag(self.covariance), 0.0)).tolist(), strict=True)
+        """First-order statistical standard error of each free value with an interval; empty without a covariance."""
+        every = zip(self.free, np.sqrt(np.maximum(np.diag(self.covariance), 0.0)).tolist(), strict=False)
         return {name: error for name, error in every if name in self.intervals}
 
     @property
@@ -526,7 +526,7 @@ class Fit(Viewed):
         """Return the table of a value; `FitEntry` reads it."""
         entry: Plain = {"value": value, "unit": self.units[name], "determined": self._is_determined(name)}
         if name in self.intervals:
-            entry["standard_error"] = self.standard_errors[name] if self.covariance.size else None
+            entry["standard_error"] = self.standard_errors.get(name)
             entry |= {"u_systematic": self.systematic.get(name), "interval": list(self.intervals[name])}
         return entry | {"model_error": self.model_errors.get(name)} | self.details.get(name, {})
 
