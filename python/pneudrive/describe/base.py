@@ -202,7 +202,7 @@ class Described(Shown, BaseModel):
 
     @classmethod
     def _field(cls, key: str) -> FieldInfo:
-        """Return the field with a name, or with a key in files."""
+        """Return the field that has `key` as its name, or as its key in files."""
         return next(field for name, field in cls.model_fields.items() if key in {name, field.alias})
 
     @classmethod

@@ -124,7 +124,7 @@ def _halves(up: float, down: float) -> Interval:
 
 
 def unseen_n(pattern_n: Array, coverage: float) -> float:
-    """Return the standard uncertainty, in N, if the mean over some position bins is used for the whole stroke.
+    """Return the standard uncertainty, in N, of the mean over some position bins as the mean of the whole stroke.
 
     The uncertainty is the standard deviation of `pattern_n`, the friction in each bin, times the fraction of the stroke
     outside the bins. The bins cover the fraction ``coverage`` of the travel.

@@ -155,7 +155,7 @@ class Differentiable:
         return function
 
     def torch(self) -> Any:  # noqa: ANN401 - a function of PyTorch
-        """Return a function of a tensor of the p parameters, as doubles, that returns the k results."""
+        """Return a PyTorch function. It takes a tensor of the p parameters, as doubles, and returns the k results."""
         import torch
 
         class TorchRun(torch.autograd.Function):

@@ -304,7 +304,7 @@ def cell(value: Any, form: str) -> str:  # noqa: ANN401 - whatever results hold
 
 
 def field_of(record: Any, field: str) -> Any:  # noqa: ANN401 - whatever results hold
-    """Return a field of an object or a mapping. A dotted name, ``stop.speed_m_s``, is a field of one of its fields."""
+    """Return a field of an object or a mapping. A dotted name, as ``stop.speed_m_s``, is a nested field."""
     for name in field.split("."):
         record = record[name] if isinstance(record, Mapping) else getattr(record, name)
     return record

@@ -239,7 +239,7 @@ def sweep(
     Returns
     -------
     list of Recording
-        Recordings in the given order, speeds varying fastest.
+        Recordings in the given order: all speeds at the first pressure, then all speeds at the next one.
     """
     speeds = list(speeds_m_s)
     return [

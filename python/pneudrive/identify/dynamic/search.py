@@ -105,7 +105,7 @@ class Misfit:
         of its prior). Without derivatives, `blocks`, `slopes` and `carried` are empty.
     slopes : list of ndarray, shape (n, c, P + s)
     carried : list of (ndarray, ndarray), shapes (k, s, P + s) and (k, s)
-        Derivative of each start with respect to the unknowns, and the change of each start that closes the gaps.
+        Derivative of each start with respect to the unknowns, and the change by which each start closes the gaps.
     """
 
     point: Iterate

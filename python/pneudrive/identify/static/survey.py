@@ -353,7 +353,7 @@ def _quantiles(value: Array, deviation: Array, weight: Array, probability: float
 def survey(friction_map: AnyMap, seals: str | Sequence[str], runs: str | Sequence[str] | None = None) -> Survey:
     """Fit each seal of a friction map.
 
-    The statistics of scatter, differences between runs, and deviation from a straight line are common to all seals.
+    All seals share one set of statistics: scatter, differences between runs, and deviation from a straight line.
 
     Parameters
     ----------

@@ -112,7 +112,7 @@ def _drawn_groups(path: Path, fit_name: str) -> tuple[xr.Dataset, list[Plain], d
 
 
 def drawn_map(path: Path, fit_name: str = FIT) -> Plain:
-    """Return the points of a map, in groups of one assembly and pair of chamber pressures, with curves of fits.
+    """Return the points of a map, grouped by assembly and pair of chamber pressures, and the curves of its fits.
 
     Each curve belongs to the fit of one seal, mounting and drive. A fit over several seals, mountings or drives has no
     curve.

@@ -60,7 +60,8 @@ class DwellForm:
     exponent : float
         Exponent if not free.
     reach : tuple of float
-        Factors on the shortest and longest stop that limit the search for a time constant.
+        Two factors. A time constant is searched from the shortest stop divided by the first factor to the longest stop
+        times the second factor.
     """
 
     name: str
