@@ -15,7 +15,7 @@ import typer
 import pneudrive as pn
 from pneudrive.cli.options import Port, changed, command_of, names_in, pairs_in
 from pneudrive.cli.terminal import check_outputs, show_paths, show_view, watch, write_outputs
-from pneudrive.errors import CommandError
+from pneudrive.errors import CommandError, nearest
 from pneudrive.lazy_names import upper, used_later
 
 with used_later(__name__):
@@ -220,7 +220,12 @@ def _design(
             raise CommandError.of("cli.no-table", path=path)
         # The columns are names of parameters, with or without unit.
         known = {number.file_name: name for name, number in variation.all_numbers(drive).items()}
-        table = trajectory.read_columns(path, trajectory.column_names(path)).items()
+        columns = trajectory.column_names(path)
+        for column in columns:
+            if column not in known and column not in known.values():
+                kind, remedy = drive.file_kind, nearest(column, known)
+                raise CommandError.of("cli.no-number", where=path, column=column, kind=kind, remedy=remedy)
+        table = trajectory.read_columns(path, columns).items()
         return design.design_of({known.get(column, column): values for column, values in table}, members)
     return design.design_of(pairs_in("--vary", vary, "load.mass = uniform(1 kg, 2 kg)"), members, seed)
 

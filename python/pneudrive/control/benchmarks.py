@@ -564,10 +564,10 @@ def benchmark(
     about |= {"asked": json.loads(json.dumps(asked, default=lambda _: None)) if named else None}
     store_about(folder, stored_beside(about, folder))
     with ThreadPoolExecutor(at_once) as pool:
-        # Members outermost, so that each of their circuits is compiled once.
-        each = product(range(1, count + 1), prepared)
-        futures = {(seed, key): pool.submit(store.run, prepared[key], *key, seed) for seed, key in each}
         try:
+            # Members outermost, so that each of their circuits is compiled once.
+            each = product(range(1, count + 1), prepared)
+            futures = {(seed, key): pool.submit(store.run, prepared[key], *key, seed) for seed, key in each}
             for future in Watch(progress, cancel).each(futures.values(), "runs"):
                 future.result()
         finally:  # after an exception, runs that have not begun are cancelled

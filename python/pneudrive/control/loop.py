@@ -560,7 +560,7 @@ def run_prepared(prepared: Prepared, seed: int, watch: Watch = UNWATCHED) -> Run
     made = {
         "points_missed_m": reference.points_missed_m,
         "model": None if model == circuit.name else model,
-        "law_failure": own and own.failure and str(own.failure),  # the standby law has taken over
+        "law_failure": None if own is None or own.failure is None else str(own.failure),  # the standby law took over
         **provenance_of(circuit, tuning, (prepared.setup, prepared.setup_name), reference.text, seed),
         "factors": tuning.controller.factors.to_dict(),
         "belief_hash": tuning.belief.description_hash,

@@ -277,7 +277,7 @@ def strokes_of(drive: Drive, record: RecordResult) -> Iterable[tuple[float, Stro
     size, mass = drive.cylinder.stroke_m, moving_mass(drive)
     for begin, end in pairwise(edges):
         seen, model = (rows_of({"time_s": time} | columns, slice(begin, end)) for columns in both)
-        moves = end - begin >= 5 and np.ptp(seen["position_m"]) >= LEAST_WAY * size
+        moves = end - begin >= 5 and not np.ptp(seen["position_m"]) < LEAST_WAY * size
         if moves and np.isfinite(model["position_m"]).all():
             measured = stroke_numbers(seen, size, mass, time[begin])
             simulated = stroke_numbers(model, size, mass, time[begin], direction=measured.direction)

@@ -485,6 +485,9 @@ class HeldDrive:
         return float(pressure), float(temperature)
 
 
+_known: dict[str, Actuation] = {}  # by the hash of a circuit's description
+
+
 def actuation_of(circuit: Circuit) -> Actuation:
     """Return the commands of the valves that cause the largest force on the fixed piston in each direction.
 
@@ -495,6 +498,8 @@ def actuation_of(circuit: Circuit) -> Actuation:
     CommandError
         The circuit has another component with a command, too many valves, or valves that do not move the piston.
     """
+    if circuit.description_hash in _known:
+        return _known[circuit.description_hash]
     kinds = {name: circuit.components[name].kind for name in circuit.commandable}
     others = [name for name, kind in kinds.items() if not kind.startswith("valve/") and kind != LOCK]
     if others or len(kinds) > MOST_VALVES:
@@ -519,4 +524,5 @@ def actuation_of(circuit: Circuit) -> Actuation:
     least, most = ends
     if not most[0] - least[0] > CLOSE * max(abs(most[0]), abs(least[0])):
         raise CommandError.of("datasheet.still", name=circuit.name, valves=", ".join(kinds))
-    return Actuation(most[1], least[1], not held, held)
+    found = _known[circuit.description_hash] = Actuation(most[1], least[1], not held, held)
+    return found

@@ -221,9 +221,9 @@ def merge(base: Keyed, changes: Keyed, optional: str = "") -> Plain:
     """
     out = valve_flow.without_other_sizes(base, changes, optional)
     old, new = (sourced.plain(table.get("law")) for table in (base, changes))
-    if old is not None and new not in (None, old):
-        own = law_of(new)
-        entry = friction_laws().get(new) if own is None else own.entry
+    if "law" in changes and new != old and (old is not None or optional):
+        own = None if new is None else law_of(new)
+        entry = own.entry if own else friction_laws().get(new) if isinstance(new, str) else None
         stays = DEPENDENCES.keys() - ({"relaxation"} if entry and not entry["bristles"] else ())
         out = {key: value for key, value in out.items() if key in stays}
     if changes.get("kind") == "rodless":

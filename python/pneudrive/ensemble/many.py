@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import hashlib
 import json
-import shutil
 import time
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import islice
 from pathlib import Path
@@ -401,8 +401,12 @@ class ChunkStore:
         return pl.scan_parquet([self.path(chunk.start) for chunk in self.chunks])
 
     def remove(self) -> None:
-        """Remove the folder with all chunks."""
-        shutil.rmtree(self.folder)
+        """Remove all chunks, and their folder unless it has other files."""
+        for chunk in self.chunks:
+            self.path(chunk.start).unlink(missing_ok=True)
+        (self.folder / STUDY).unlink(missing_ok=True)
+        with suppress(OSError):
+            self.folder.rmdir()
 
 
 def run_study(

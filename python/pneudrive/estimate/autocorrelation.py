@@ -335,4 +335,7 @@ def _inverse_trigamma(x: float) -> float:
     def slope(y: float) -> float:
         return -polygamma(2, y) / polygamma(1, y) ** 2
 
-    return float(newton(lambda y: 1.0 / polygamma(1, y) - 1.0 / x, 0.5 + 1.0 / x, slope, tol=1e-300, rtol=1e-10))
+    def distance(y: float) -> float:
+        return 1.0 / polygamma(1, y) - 1.0 / x
+
+    return float(newton(distance, 0.5 + 1.0 / x, slope, tol=1e-300, rtol=1e-10, disp=False))

@@ -221,6 +221,8 @@ def robust_deviation(residual: Array) -> float:
 
 #: Smallest distance from a bound, as a fraction of the range between two bounds.
 MARGIN = 1e-6
+#: Largest exponent in the factors of an interval, to avoid overflow.
+MOST_EXPONENT = 700.0
 
 
 class Transforms:
@@ -330,10 +332,20 @@ def intervals(values: Array, reach: Array, lower: ArrayLike, upper: ArrayLike = 
     >>> low.round(3), high.round(3)
     (array([ 8.187, -4.   ]), array([12.214,  2.   ]))
     """
-    scales = Transforms(np.broadcast_to(lower, values.shape), upper)
-    q = scales.internal(values)
-    step = reach / np.diag(scales.jacobian(q))
-    return scales.natural(q - step), scales.natural(q + step)
+    lower, upper = (np.broadcast_to(bound, values.shape) for bound in (lower, upper))
+    low, high = values - reach, values + reach
+    for k in np.flatnonzero(np.isfinite(lower)):
+        above = values[k] - lower[k]
+        if np.isinf(upper[k]):
+            factor = np.exp(min(reach[k] / above, MOST_EXPONENT))
+            low[k], high[k] = lower[k] + above / factor, lower[k] + above * factor
+            continue
+        room, below = upper[k] - lower[k], upper[k] - values[k]
+        factor = np.exp(min(reach[k] * room / (above * below), MOST_EXPONENT))
+        odds = above / below
+        shares = (o / (1.0 + o) for o in (odds / factor, odds * factor))
+        low[k], high[k] = (lower[k] + room * share for share in shares)
+    return low, high
 
 
 # --- Intervals by profile likelihood: one coordinate is held, all others are fitted again [bates1988].

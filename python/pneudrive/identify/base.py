@@ -413,7 +413,8 @@ class Fit(Viewed):
         FitError
             The fit has no friction, or no range of measured speeds.
         """
-        a, b = (float(np.mean(self.provenance.get(f"gauge_{side}_pa", 0.0))) for side in "ab")
+        measured = (self.provenance.get(f"gauge_{side}_pa") for side in "ab")
+        a, b = (0.5 * (float(m[0]) + float(m[1])) if isinstance(m, (list, tuple)) else 0.0 for m in measured)
         gauges_pa = a if gauge_a_pa is None else gauge_a_pa, b if gauge_b_pa is None else gauge_b_pa
         return self._curve(speeds_m_s or self.provenance.get("speed_m_s"), gauges_pa)
 

@@ -159,6 +159,8 @@ def open_channels(path: Path, layout: Layout | None, cache: Path) -> ChannelFile
     RecordingError, LayoutError
         The file cannot be read with or without its layout, or has no column of numbers.
     """
+    said: FileLayout | None = None
+    notes: tuple[str, ...] = ()
     try:
         said = None if layout is None else layout.for_file(path, layout.kind)
         table, units, roles = _open(path, said, cache)
@@ -166,11 +168,11 @@ def open_channels(path: Path, layout: Layout | None, cache: Path) -> ChannelFile
         if layout is None:
             raise
         try:
-            plain = open_channels(path, None, cache)
+            said, (table, units, roles) = None, _open(path, None, cache)
         except RecordingError:
             raise error from None
         told = (f"the layout does not fit this file: {error.what}", "its columns are shown unchanged", error.remedy)
-        return replace(plain, notes=("; ".join(filter(None, told)), *plain.notes))
+        notes = ("; ".join(filter(None, told)),)
     kinds = {name: kind for name, kind in _kinds(table, table.names[:MOST_COLUMNS]).items() if kind in "iufM"}
     if not any(kind in "iuf" for kind in kinds.values()):
         raise RecordingError("the file has no column of numbers", where=path.name)
@@ -185,7 +187,7 @@ def open_channels(path: Path, layout: Layout | None, cache: Path) -> ChannelFile
         for name in sorted(kinds, key=lambda one: one not in roles)
         if kinds[name] in "iuf" and (time is None or name != time.column)
     ]
-    notes = () if time is not None else ("no time column: sample numbers replace the time",)
+    notes += () if time is not None else ("no time column: sample numbers replace the time",)
     if late := [role for role, column in (said.channels.items() if said else ()) if column.delay_s]:
         notes += (f"shown as recorded, without the layout's delay_s: {', '.join(late)}",)
     if len(found) > MOST_CHANNELS:
@@ -324,5 +326,5 @@ def amplitude_density(time_s: Array, values: Array) -> tuple[Array, Array]:
         raise RecordingError("the samples are not evenly spaced in time", rule="steps must be equal within 1 %")
     if not np.isfinite(values).all():
         raise RecordingError("a value is missing", remedy="Choose a part without gaps.")
-    frequency, power = welch(values, 1.0 / step, nperseg=min(SEGMENT, len(values)))
+    frequency, power = welch(np.asarray(values, float), 1.0 / step, nperseg=min(SEGMENT, len(values)))
     return frequency[1:], np.sqrt(power[1:])

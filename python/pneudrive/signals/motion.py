@@ -177,7 +177,7 @@ def find_strokes(name: str, time_s: Array, position_m: Array) -> list[Stroke]:
     if time_s.size < MINIMUM_SAMPLES:
         raise RecordingError.of("signals.too-few-samples", where=name, value=time_s.size, fewest=MINIMUM_SAMPLES)
     noise = noise_level(position_m)
-    low, high = np.quantile(thinned(position_m), (0.001, 0.999)).tolist()
+    low, high = np.nanquantile(thinned(position_m), (0.001, 0.999)).tolist()
     travel = high - low
     if travel <= NOISE_FACTOR * noise or travel <= 0 or time_s[-1] <= time_s[0]:
         numbers = {"factor": NOISE_FACTOR, "travel_mm": 1e3 * travel, "noise_mm": 1e3 * noise}

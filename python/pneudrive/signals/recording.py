@@ -409,7 +409,7 @@ def refuse_pressure(name: str, pressure_pa: Array, where: str) -> None:
     """
     if pressure_pa.size == 0:
         return
-    low, high = np.quantile(thinned(pressure_pa), QUANTILES)
+    low, high = np.nanquantile(thinned(pressure_pa), QUANTILES)
     if low < LOWEST_PA or high > PRESSURES_PA[0]:
         worst, why = (low, "is below vacuum") if low < LOWEST_PA else (high, "no pneumatic rig has")
         ends = {"bar": worst / 1e5, "most": PRESSURES_PA[0] / 1e5}
@@ -427,7 +427,7 @@ def refuse_channels(recording: Recording, strokes: Sequence[Stroke] = ()) -> Non
     where = str(recording.source or recording.name)
     for channel in ("pressure_a_pa", "pressure_b_pa"):
         refuse_pressure(channel.removesuffix("_pa"), getattr(recording, channel), where)
-    strongest = np.quantile(np.abs(thinned(recording.force_n)), QUANTILES[1]) if recording.force_n.size else 0.0
+    strongest = np.nanquantile(np.abs(thinned(recording.force_n)), QUANTILES[1]) if recording.force_n.size else 0.0
     fastest = max((stroke.pace_m_s for stroke in strokes), default=0.0)
     longest = max((abs(stroke.to_m - stroke.from_m) for stroke in strokes), default=0.0)
     for what, value, limit, unit, column in (

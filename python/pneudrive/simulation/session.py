@@ -222,6 +222,8 @@ class Session:
         *,
         reads: Sequence[str] = ("position_m", "velocity_m_s"),
         command: str = "command",
+        progress: Progress | None = None,
+        cancel: Flag | None = None,
     ) -> dict[str, np.ndarray]:
         """Run a sampled controller. Each command holds for one period.
 
@@ -239,6 +241,8 @@ class Session:
             Names of outputs, for instance ``"cylinder.position_m"`` in a circuit.
         command : str
             Name of the input that the controller sets.
+        progress, cancel : optional
+            See `pneudrive.progress.Watch`.
 
         Returns
         -------
@@ -269,9 +273,12 @@ class Session:
         periods = (until - begin) / period if period > 0.0 else math.nan
         if not (0.5 < periods < MOST_SAMPLES and abs(periods - round(periods)) < LEAST_PART):
             raise CommandError.of("simulation.periods", until=until, period=period, begin=begin, most=MOST_SAMPLES)
-        plan = (address, period, round(periods), list(reads), command, None)
+        watch = Watch(progress, cancel)
+        watch.look()
+        told = None if progress is None and cancel is None else lambda t: watch.tell(t, until, "seconds simulated")
+        plan = (address, period, round(periods), list(reads), command)
         with self._refusing([*reads, command], until, readable=True):
-            rows, raised = self._core.control(controller, *plan)
+            rows, raised = self._core.control(controller, *plan, told)
         if raised is not None:
             raise raised
         times = begin + period * np.arange(len(rows))

@@ -129,7 +129,8 @@ def causes(drive: Drive) -> list[Cause]:
         entry = _TEXTS[name] | row
         if entry.pop("relative", False):
             entry.update({size: level * entry[size] for size in ("step", "least")})
-        out.append(Cause(key=name, **entry))
+        lists = {field: tuple(value) for field, value in entry.items() if isinstance(value, list)}
+        out.append(Cause(key=name, **entry | lists))
     return out
 
 

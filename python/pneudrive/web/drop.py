@@ -17,8 +17,8 @@ from pneudrive.files.writing import alone_in
 from pneudrive.simulation.trajectory import whole
 from pneudrive.web.workspace import TABLES, Workspace
 
-#: Space that stays free on the disk, bytes.
-RESERVE = 1 << 30
+#: Space that stays free on the disk, and size of the parts after which it is looked up again, bytes.
+RESERVE, LOOK_BYTES = 1 << 30, 1 << 26
 #: Folder of recordings with their layout, part of every installation, and name of the folder for their copies.
 SHIPPED, EXAMPLE = Path(__file__).parents[1] / "data" / "demo", "example"
 
@@ -47,15 +47,16 @@ async def take(workspace: Workspace, name: str, expected: int | None, pieces: As
     if target.exists():
         raise CommandError(f"{name} already exists", remedy="Rename one of the two.")
     folder = workspace.root
-    free = shutil.disk_usage(folder).free
-    if (expected or 0) > free - RESERVE:
-        raise CommandError.of("web.disk", name=name, free=free / 1e9)
-    part, size = folder / f".pneudrive-{secrets.token_hex(8)}.part", 0
+    _check_room(folder, name, expected or 0)
+    part, size, looked = folder / f".pneudrive-{secrets.token_hex(8)}.part", 0, 0
     try:
         with part.open("xb") as file:
             async for piece in pieces:
                 await asyncio.to_thread(file.write, piece)
                 size += len(piece)
+                if size - looked > LOOK_BYTES:
+                    _check_room(folder, name, 0)
+                    looked = size
         if expected is not None and size != expected:
             raise CommandError.of("web.cut-off", name=name, size=size, expected=expected)
         _place(part, target)
@@ -65,6 +66,12 @@ async def take(workspace: Workspace, name: str, expected: int | None, pieces: As
         with contextlib.suppress(OSError):
             part.unlink()
     return size
+
+
+def _check_room(folder: Path, name: str, size: int) -> None:
+    free = shutil.disk_usage(folder).free
+    if size > free - RESERVE:
+        raise CommandError.of("web.disk", name=name, free=free / 1e9)
 
 
 def rename(workspace: Workspace, path: str, to: str) -> None:

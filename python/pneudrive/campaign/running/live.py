@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import sys
 import threading
+import zlib
 from contextlib import suppress
 from io import BytesIO
 from time import monotonic
@@ -258,6 +259,8 @@ def read_live(folder: Path) -> tuple[Plain, Columns] | None:
     """
     try:
         with np.load(BytesIO(read_bytes(folder / FOLDER / LIVE, CampaignError))) as file:
-            return json.loads(str(file["about"])), dict(zip(COLUMNS, file["points"].T, strict=True))
-    except (CampaignError, KeyError, TypeError, ValueError, EOFError, BadZipFile):
+            about = json.loads(str(file["about"]))
+            points = dict(zip(COLUMNS, file["points"].T, strict=True))
+        return {key: about[key] for key in ("cycle", "left", "samples")}, points
+    except (CampaignError, EOFError, KeyError, NotImplementedError, TypeError, ValueError, BadZipFile, zlib.error):
         return None

@@ -13,6 +13,7 @@ import os
 import queue
 import signal
 import socket
+import stat
 import threading
 from collections import deque
 from contextlib import contextmanager, suppress
@@ -116,8 +117,12 @@ def no_links(folder: Path) -> None:
         If the folder or one of its subfolders contains a link, a pipe or a device.
     """
     for path in chain(folder.glob("*"), folder.glob("*/*")):  # a link in the folder raises before its content is read
-        if path.is_symlink() or not (path.is_file() or path.is_dir()):
-            kind = f"a link to {path.readlink()}" if path.is_symlink() else "a pipe or a device"
+        try:
+            mode = path.lstat().st_mode
+        except FileNotFoundError:  # another process removed or renamed it
+            continue
+        if not (stat.S_ISREG(mode) or stat.S_ISDIR(mode)):
+            kind = f"a link to {path.readlink()}" if stat.S_ISLNK(mode) else "a pipe or a device"
             raise CampaignError.of("campaign.link", where=path, value=kind)
 
 

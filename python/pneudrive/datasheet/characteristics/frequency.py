@@ -421,7 +421,8 @@ def _with_tubes(drive: Drive, tubing: Plain) -> Drive:
 
 def _row(drive: Drive) -> NamedNumbers:
     """Return the results of one drive by variable, in the order of the table."""
-    plant = HeldDrive(drive, actuation=Actuation({"valve": 1.0}, {"valve": -1.0}))
+    held = {"valve": {1.0: 1.0, -1.0: -1.0}} if drive.valve.is_switching else {}
+    plant = HeldDrive(drive, actuation=Actuation({"valve": 1.0}, {"valve": -1.0}, held=held))
     pressure = plant.supply_pa
     choked = flow_through(plant, "b", inward=False, upstream=pressure, ratios=[VACUUM])[0]
     conductance = choked / (ANR_DENSITY_KG_M3 * pressure)

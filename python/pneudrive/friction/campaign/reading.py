@@ -20,6 +20,7 @@ from __future__ import annotations
 
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
+from datetime import datetime
 from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Self, TypeVar
@@ -47,6 +48,9 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from pneudrive.friction.characterisation import Characterisation
+
+    Read = tuple[float, Row | Skipped | None]
+    """Path length of a cycle's moves, and its row or the reason why it has none."""
 
 T = TypeVar("T")
 SAME_SPEED = 0.1  # largest difference of the speeds of strokes in one cycle
@@ -458,6 +462,13 @@ class CampaignData:
     notes: tuple[str, ...] = ()
 
 
+def _date(started: str) -> str:
+    """Return the date of a time in ISO 8601; empty for another text."""
+    with suppress(ValueError):
+        return datetime.fromisoformat(started).date().isoformat()
+    return ""
+
+
 @many_objects()
 def read_campaign(campaign: Campaign, choice: SampleChoice, processes: int | None) -> CampaignData:
     """Read and reduce all cycles of a campaign.
@@ -491,11 +502,10 @@ def read_campaign(campaign: Campaign, choice: SampleChoice, processes: int | Non
             positions.append(moving[i].samples().position_m)
     edges = common_edges(positions)
     read = share_out(read_part, wanted, campaign.identity, choice, edges, least=WORTH_WORKERS, processes=processes)
-    rows = {f.cycle.key: row for f, row in zip(wanted, read, strict=True) if isinstance(row, dict)}
+    rows = {f.cycle.key: one for f, one in zip(wanted, read, strict=True)}
     plans = _plans(files, rows)
-    table = CycleTable.of([plans[key] | row for key, row in rows.items() if "sides" in row], BINS)
-    used = [f.cycle.kind in (*SLIDING, *STANDING) for f in wanted]
-    skipped += [row for row, is_used in zip(read, used, strict=True) if is_used and isinstance(row, Skipped)]
+    table = CycleTable.of([plans[key] | row for key, (_, row) in rows.items() if isinstance(row, dict)], BINS)
+    skipped += [row for _, row in rows.values() if isinstance(row, Skipped)]
     kinds = table["kind"]
     tares = table.at(kinds == "tare")
     gain = sensor_gain(campaign.identity, table.at(kinds == "weight"), tares)
@@ -517,7 +527,7 @@ def read_campaign(campaign: Campaign, choice: SampleChoice, processes: int | Non
     )
 
 
-def _plans(files: Sequence[CycleFile], rows: dict[str, Row]) -> dict[str, Row]:
+def _plans(files: Sequence[CycleFile], rows: dict[str, Read]) -> dict[str, Row]:
     """Return for the key of each cycle the columns that follow from its header and from the cycles before it.
 
     The rest before a cycle is the time since the end of the previous cycle or, if that cycle was a stop, the duration
@@ -526,12 +536,11 @@ def _plans(files: Sequence[CycleFile], rows: dict[str, Row]) -> dict[str, Row]:
     """
     heads = [file.head for file in files]
     first, last, began = heads[0].index, heads[-1].index, min(head.began_s for head in heads)
-    known = sorted({head.started[:10] for head in heads} - {""})
+    known = sorted({_date(head.started) for head in heads} - {""})
     plans, previous, duration, total, at = {}, None, np.nan, 0.0, None
     for head in heads:
-        cycle, date = head.cycle, head.started[:10]
-        row = rows.get(cycle.key, {})
-        way = row.get("path_m", 0.0)
+        cycle, date = head.cycle, _date(head.started)
+        way, row = rows.get(cycle.key, (0.0, None))
         rest = head.began_s - previous.began_s - duration if previous is not None else np.nan
         if previous is not None and previous.cycle.kind == "stop":
             rest = previous.cycle.stop_s or 0.0
@@ -555,7 +564,7 @@ def _plans(files: Sequence[CycleFile], rows: dict[str, Row]) -> dict[str, Row]:
             "rest_s": rest,
         }
         total, previous = total + way, head
-        duration = row.get("duration_s", np.nan) if cycle.kind != "weight" else np.nan
+        duration = row["duration_s"] if isinstance(row, dict) and cycle.kind != "weight" else np.nan
     return plans
 
 
@@ -565,32 +574,32 @@ def read_part(
     identity: Identity,
     choice: SampleChoice,
     edges_m: Array,
-) -> list[Row | Skipped]:
+) -> list[Read]:
     """Read cycles one after the other. For an unusable cycle, return the reason."""
     both = zip(files, read_samples(files, STANDING), strict=True)
-    return [read_or_skip(_row, file, samples, identity, choice, edges_m) for file, samples in both]
+    return [(_way(f, samples), read_or_skip(_row, f, samples, identity, choice, edges_m)) for f, samples in both]
 
 
-def _row(file: CycleFile, samples: Samples, identity: Identity, choice: SampleChoice, edges_m: Array) -> Row:
-    """Return the columns of a cycle that follow from its samples.
+def _way(file: CycleFile, samples: Samples | CampaignError) -> float:
+    """Return the path length from the samples; zero if the header lists steps, or if the samples cannot be read."""
+    if file.cycle.steps or isinstance(samples, CampaignError):
+        return 0.0
+    # The samples are widely spaced, so that noise does not add to the length.
+    position = samples.position_m[np.isfinite(samples.position_m)]
+    return float(np.abs(np.diff(position[:: max(position.size // SAMPLES_OF_WAY, 1)])).sum())
 
-    The column `path_m` is the length of the way from the samples, for a header without steps. Cycles that only prepare
-    the rig have no other column.
-    """
-    kind, row = file.cycle.kind, {}
-    if not file.cycle.steps:
-        # The samples are widely spaced, so that noise does not add to the length.
-        position = samples.position_m[np.isfinite(samples.position_m)]
-        row["path_m"] = float(np.abs(np.diff(position[:: max(position.size // SAMPLES_OF_WAY, 1)])).sum())
-    if kind not in (*SLIDING, *STANDING):
-        return row
+
+def _row(file: CycleFile, samples: Samples, identity: Identity, choice: SampleChoice, edges_m: Array) -> Row | None:
+    """Return the columns of a cycle that follow from its samples; None for a cycle that only prepares the rig."""
+    if file.cycle.kind not in (*SLIDING, *STANDING):
+        return None
     recording, flags = recording_of(file, identity, samples)
-    if kind in STANDING:
-        row |= standing_row(file, recording, samples, identity.ambient_pressure_pa)
+    if file.cycle.kind in STANDING:
+        row = standing_row(file, recording, samples, identity.ambient_pressure_pa)
     else:
         # Inertia is subtracted only in the source paper's protocol, where the settled part includes the ramp at the
         # end of the stroke. Otherwise the mean acceleration is zero, and its estimate would only add noise.
-        row |= reduce_cycle(RecordedMotion.of(recording, choice, inertia=not choice.uses_window), edges_m)
+        row = reduce_cycle(RecordedMotion.of(recording, choice, inertia=not choice.uses_window), edges_m)
     known = samples.temperature_k[np.isfinite(samples.temperature_k)]
     return row | {"flags": flags, "temperature_k": known.mean() if known.size else np.nan}
 

@@ -427,6 +427,8 @@ ROUNDS = 3
 #: between segments. Gas that was compressed or expanded before the recording is within tens of kelvin of the wall
 #: temperature (assumed).
 USUAL = {"position": (1e-2, 1e-3), "velocity": (0.2, 1e-2), "pressure": (5e4, 1e4), "temperature": (20.0, 10.0)}
+#: Number of start states that each drive has: position and velocity of the piston, gas of its two chambers.
+OWN_STATES = 6
 #: Bounds of unmeasured states, as a multiple of the prior standard deviation.
 POSSIBLE = 4.0
 #: States that grow throughout a recording, so that short segments do not limit their range.
@@ -494,7 +496,9 @@ def start_states(experiment: FittedRecording, drive: Drive | Circuit, values: Ar
             state[j + 1, hidden] = shot.ends[j, hidden]
         ends = np.delete(shot.ends, list(shot.failures), axis=0)
         most = np.maximum(most, np.abs(ends).max(axis=0, initial=0.0))
-    kinds = [next((kind for kind in USUAL if kind in name), name) for name in names]
+    # of the piston and its chambers, and of the gas in tubes and joints; other states have the scale of their range
+    usual = [i < OWN_STATES or name.endswith((".pressure_pa", ".temperature_k")) for i, name in enumerate(names)]
+    kinds = [n.rpartition(".")[2].split("_")[0] if known else n for n, known in zip(names, usual, strict=True)]
     # wide also for measured columns, as the samples are more accurate than their smoothed start
     reached = np.where(most > 0.0, most, 1e-6).tolist()
     scales = [USUAL.get(kind, (own, 0.1 * own)) for kind, own in zip(kinds, reached, strict=True)]

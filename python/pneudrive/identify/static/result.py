@@ -296,9 +296,10 @@ class FrictionFit(SlidingFit, kind="friction map"):
     def _warn_of_kept(self, after: Drive) -> None:
         """Warn if values that the drive keeps make its friction differ from that of the fit."""
         kept = [n for n in STEADY if n not in self.determined and n in after.friction.parameters]
-        low, high = self.provenance.get("speed_m_s", (0.0, 0.0))
-        if not kept or not low < high:
+        speeds = self.provenance.get("speed_m_s")
+        if not kept or not isinstance(speeds, (list, tuple)) or not speeds[0] < speeds[1]:
             return
+        low, high = speeds
         fitted = self.curve()
         friction_n = export.curve_of_drive(after, (low, high), fitted.gauge_a_pa, fitted.gauge_b_pa).friction_n
         k = int(np.argmax(np.abs(friction_n - fitted.friction_n)))
@@ -377,7 +378,8 @@ class FrictionFit(SlidingFit, kind="friction map"):
         known = {name for name, entry in file.entries.items() if entry.standard_error is not None}
         found["intervals"] = {name: ends for name, ends in found["intervals"].items() if name in known}
         found["systematic"] = dict.fromkeys(found["free"], 0.0) | found["systematic"]
-        found["dependences"] = Dependences(**file.content.get("dependences", {}))
+        dependences = file.content.get("dependences", {})
+        found["dependences"] = Dependences(**dependences | {"notes": tuple(dependences.get("notes", ()))})
         return found | {"law": file.content["law"], "model": model}
 
     def _shown(self) -> NamedNumbers:

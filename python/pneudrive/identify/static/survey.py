@@ -370,7 +370,7 @@ def survey(friction_map: AnyMap, seals: str | Sequence[str], runs: str | Sequenc
         the fit of one seal.
     """
     friction_map = map_of(friction_map)
-    seal_of, run_of = row_labels(friction_map, seals), row_labels(friction_map, runs or "")
+    seal_of, run_of = row_labels(friction_map, seals), row_labels(friction_map, "" if runs is None else runs)
     groups: dict[str, Observations] = {}
     of_run: dict[str, list[str]] = {}
     origins: dict[str, Plain] = {}

@@ -364,8 +364,12 @@ class ExtrasRequest(RunRequest):
         try:
             study.rows.check(study.variation)
         except CommandError as error:  # only the valid members are run
-            why = error.what
-            rows = np.array([row for row in rows if study.variation.fault(row) is None])
+            why, kept, watch = error.what, [], Watch(cancel=limit)
+            for row in rows:
+                watch.tell(len(kept), len(rows), "members read")
+                if study.variation.fault(row) is None:
+                    kept.append(row)
+            rows = np.array(kept)
         head = {"members": MEMBERS, "share": BAND, "ends": {}, "failed": MEMBERS, "why": why, "refused": bool(why)}
         if not len(rows):
             return head, {}

@@ -11,6 +11,7 @@ from pneudrive.errors import CommandError, PneudriveError
 from pneudrive.files.content import read_json, read_text
 from pneudrive.files.writing import is_held
 from pneudrive.lazy_names import upper
+from pneudrive.numbers import plain
 from pneudrive.sizing import result as sized
 from pneudrive.sizing.checks import READ, SizedDrive
 from pneudrive.sizing.search import is_of_command
@@ -70,9 +71,9 @@ def shown_sizing(workspace: Workspace, path: str) -> Plain:
     return {
         "name": task.name,
         "words": (
-            f"{task.mass_kg:.4g} kg by {1e3 * task.stroke_m:.4g} mm in {task.outward_s:.4g} s, "
-            f"back in {task.back_s:.4g} s; incline {math.degrees(task.incline_rad):.4g} deg, "
-            f"{gauge_bar:.4g} bar gauge, tubes of {task.tube_length_m:.4g} m"
+            f"{plain(task.mass_kg)} kg by {plain(1e3 * task.stroke_m)} mm in {plain(task.outward_s)} s, "
+            f"back in {plain(task.back_s)} s; incline {plain(math.degrees(task.incline_rad))} deg, "
+            f"{plain(gauge_bar)} bar gauge, tubes of {plain(task.tube_length_m)} m"
         ),
         "task": next((file.path for file in tasks if _task_at(workspace.path(file.path)) == task), ""),
         "draws": draws,

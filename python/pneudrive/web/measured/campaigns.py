@@ -24,7 +24,7 @@ from pneudrive.web.workspace import DESCRIPTIONS, Workspace, last_lines
 LAST_LINES, LAST_BYTES = 30, 1 << 15  # of the journal
 MOST_POINTS = 10_000
 CAMPAIGNS, FASTEST = "campaigns", 1e6  # folder of new campaigns, highest speed
-MOST_CAMPAIGNS = 64  # number of kept states
+MOST_CAMPAIGNS = 4  # number of kept states
 CampaignRequest = Literal["pause", "stop", "resume", "abort"]
 CONTROL = "Start the server with --control to send requests to a campaign."
 
@@ -91,6 +91,8 @@ def _status(folder: Path, _changed_ns: int | None) -> tuple[Status, list[Plain]]
     }
     new = {key: file for key, file in sweeps.items() if key not in _points}
     frictions = preliminary_frictions(list(new.values()), status.campaign.identity)
+    for gone in [key for key in _points if key[0].parent == folder / CYCLES and key not in sweeps]:
+        _points.pop(gone, None)
     _points.update(by_name(new, zip((file.cycle for file in new.values()), frictions, strict=True)))
     return status, _groups([_points[key] for key in sweeps], status.campaign.identity.ambient_pressure_pa)
 

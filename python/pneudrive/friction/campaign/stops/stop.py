@@ -41,7 +41,7 @@ from pneudrive.friction.campaign.stops import course
 from pneudrive.friction.friction_map import TABLES, Condition, Skipped
 from pneudrive.friction.stick_slip import rise
 from pneudrive.friction.strokes import moving_average
-from pneudrive.rig.interface import Identity, Samples
+from pneudrive.rig.interface import Identity, Move, Samples
 from pneudrive.signals.motion import noise_level, straight_line
 from pneudrive.signals.recording import Recording
 
@@ -226,13 +226,19 @@ def find_stops(
 
 
 def _comparable(files: Sequence[CycleFile], stops: Sequence[CycleFile]) -> list[CycleFile]:
-    """Return cycles without a stop, at the condition and speed class of a stop."""
+    """Return cycles without a stop, at the condition and speed class of stops that lack an uninterrupted stroke."""
 
     def place(file: CycleFile) -> tuple[Condition, float]:
         speed = file.cycle.speed_m_s
         return condition_of(file.head), round(np.log(speed) / course.SAME_SPEED) if speed else np.nan
 
-    wanted = {place(file) for file in stops}
+    wanted = set()
+    for file in stops:
+        # A stroke is uninterrupted if it has the restart speed and is not next to the stop.
+        hold, cycle = course.stop_step(file.cycle), file.cycle
+        moves = [i for i, s in enumerate(cycle.steps) if isinstance(s, Move) and s.speed_m_s == cycle.speed_m_s]
+        if hold is None or not any(abs(i - hold) > 1 for i in moves):
+            wanted.add(place(file))
     found: dict[tuple, list[CycleFile]] = {}
     for file in files:
         cycle = file.cycle
