@@ -116,7 +116,7 @@ def test_a_layout_corrects_what_the_sensor_shows_before_it_turns_the_sign():
 @pytest.mark.parametrize(
     ("lines", "words"),
     [
-        ('reference = ["0 N", "50 N"]\nshown = ["1 N"]', "2 reference forces and 1 shown"),
+        ('reference = ["0 N", "50 N"]\nshown = ["1 N"]', "2 reference forces and 1 displayed"),
         ('reference = ["0 N", "50 N"]\nshown = ["1 N", "0.9 N"]', "do not increase"),
         ('reference = ["0 N", "50 N"]\nshown = ["0 N", "500 N"]', "10 N per N"),
         ('hysteresis = "0.1 mm"', "force_calibration"),
