@@ -27,6 +27,11 @@ def study(reference):
     return pn.lines(reference, ["0.5 m", 1.0, "2 m", "500 cm"], ["4 mm", "6 mm"])
 
 
+def test_a_switching_valve_opens_fully():
+    study = pn.lines(pn.Drive.load("catalogue:parker-osp-p25-sy5000"), ["1 m"], ["4 mm"])
+    assert float(study.vent_speed[0, 0]) < study.without_tubes["vent_speed"] == pytest.approx(5.688, rel=1e-3)
+
+
 def test_the_choked_speed_is_that_of_restrictions_in_series(study):
     """M choked behind a: C = C1 phi(r) with r = C/C2, and phi the ellipse with b1; both roots of it are known."""
     for (length, bore), speed in CHOKED.items():

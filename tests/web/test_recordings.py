@@ -65,6 +65,8 @@ def test_a_measured_file_its_layout_and_its_strokes(served: Served) -> None:
     expected = find_strokes(recording.name, recording.time_s, recording.position_m)
     assert [one["speed"] for one in strokes] == [one.speed_m_s for one in expected]
     assert {one["direction"] for one in strokes} == {1, -1}
+    gap = np.where(np.arange(len(recording)) == 7, np.nan, recording.position_m)  # one sample is missing
+    assert len(find_strokes(recording.name, recording.time_s, gap)) == len(expected)
 
     query = {"path": name, "from": 0.0, "to": found["span"][1], "pixels": 500, "columns": labels["force"]}
     view = window(served, query)

@@ -260,7 +260,7 @@ def read_live(folder: Path) -> tuple[Plain, Columns] | None:
     try:
         with np.load(BytesIO(read_bytes(folder / FOLDER / LIVE, CampaignError))) as file:
             about = json.loads(str(file["about"]))
-            points = dict(zip(COLUMNS, file["points"].T, strict=True))
+            points: Columns = dict(zip(COLUMNS, file["points"].T, strict=True))
         return {key: about[key] for key in ("cycle", "left", "samples")}, points
     except (CampaignError, EOFError, KeyError, NotImplementedError, TypeError, ValueError, BadZipFile, zlib.error):
         return None
