@@ -29,7 +29,7 @@ class LeftOut:
 
 def held_out(friction_map, seals, runs, *, by, direction=None):
     """Hold out each pressure of each seal, or each run of seals with several runs, and predict it at 90 %."""
-    groups, of_run, _ = grouped(friction_map, seals, runs, {"direction": direction, "exclude_flags": ()})
+    groups, of_run, _ = grouped(friction_map, seals, runs, direction=direction, exclude_flags=())
     out = []
     for seal, data in groups.items():
         names, run = np.unique(of_run[seal], return_inverse=True)

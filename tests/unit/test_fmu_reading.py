@@ -99,8 +99,8 @@ def test_a_tube_and_the_drive_behind_it_are_found(recorded):
         assert low < value < high, (name, value, fit.intervals[name])
         assert high - low < 0.02 * value
     found = fit.apply()
-    assert pn.units.parse(found.tubing["a"]["length"]["value"], "m") == pytest.approx(2.0, rel=0.01)
-    assert "95 % interval" in found.tubing["a"]["length"]["note"]
+    assert pn.units.parse(found.tubing["a"]["length"], "m") == pytest.approx(2.0, rel=0.01)
+    assert "95 % interval" in found.with_origins()["tubing"]["a"]["length"]["note"]
     assert found.circuit.core_json() != start.circuit.core_json()
 
 
