@@ -419,7 +419,7 @@ class PureNumber(Quantity):
         return super().read(given if word not in self.words else number / 100.0 if word == "%" else number)
 
     def schema(self) -> Plain:
-        """Return the JSON schema of a number, or of a text with a word."""
+        """Return the JSON schema: a number, or a text that ends in one of `words`."""
         return {"anyOf": [super().schema(), {"type": "string", "pattern": rf"^\S+\s*({'|'.join(self.words)})$"}]}
 
 

@@ -169,17 +169,18 @@ class Strokes:
         dict
             Direction -> its row. The columns are
 
-            - `MEANS`, over the settled samples; ``parallel_n`` and ``late_n`` are the standard uncertainties of the
-              parallel forces, from their areas, and of the pressure force, from the times of the pressures
-            - ``samples``, ``strokes``, ``strokes_recorded``: used samples, used strokes, and all strokes
-            - ``used``, the used strokes, and ``spread``, the `Spread` of their means at equal positions
-            - ``pressure_moves_n``: usual range of the pressure force within a stroke
-            - ``breakaway_n``, ``dwell_s``, ``loading_rate_n_s``: medians of the preceding reversals, NaN without a
-              usable peak
-            - ``ripple``, ``period_s``, ``step_m``: standard deviation of speed over its mean; period and travel of one
-              stick-slip, NaN without stick-slip
-            - ``piston_ripple``: ripple of the piston behind the rig's spring, NaN with an unknown stiffness
-            - ``stick_slip``.
+            - `MEANS`: means over the settled samples.
+            - Of these, ``parallel_n`` is the standard uncertainty of the parallel forces, from their areas.
+            - ``late_n`` is that of the pressure force, from the times of the pressures.
+            - ``samples``, ``strokes``, ``strokes_recorded``: used samples, used strokes, and all strokes.
+            - ``used``: the used strokes. ``spread``: the `Spread` of their means at equal positions.
+            - ``pressure_moves_n``: usual range of the pressure force within a stroke.
+            - ``breakaway_n``, ``dwell_s``, ``loading_rate_n_s``: medians of the preceding reversals. They are NaN
+              without a usable peak.
+            - ``ripple``: standard deviation of speed over its mean.
+            - ``period_s``, ``step_m``: period and travel of one stick-slip. They are NaN without stick-slip.
+            - ``piston_ripple``: ripple of the piston behind the rig's spring. It is NaN with an unknown stiffness.
+            - ``stick_slip``: whether more than half of the strokes have stick-slip.
         ndarray of bool, shape (bins,)
             Bins of the window covered by all present directions, so that means are over equal positions.
         """

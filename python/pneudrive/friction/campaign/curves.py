@@ -70,10 +70,9 @@ class Fits:
         """Curves with all components of their bands, in the order of the conditions.
 
         ``number`` is the index of a curve in the models, and ``index`` that of its condition in the points. The other
-        entries have shape (m,): ``speed_m_s``; ``cycles``, the number of cycles at each speed, 0 between the measured
-        speeds; ``value_n``, ``low_n`` and ``high_n``, friction and its statistical 95 % interval; ``offset_n`` and
-        ``offset_half_n``, half the sum of both directions and half the width of its interval; and the uncertainties of
-        `systematic`.
+        entries have shape (m,). ``cycles`` is the number of cycles at each ``speed_m_s``, 0 between the measured speeds.
+        ``value_n``, ``low_n`` and ``high_n`` are friction and its statistical 95 % interval. ``offset_n`` is half the sum
+        of both directions, and ``offset_half_n`` half the width of its interval. The rest are those of `systematic`.
         """
         points, found = self.points, []
         for number, index in enumerate(sorted(set(points["curve"][points.use].tolist()))):
@@ -186,12 +185,13 @@ def systematic(fits: Fits, friction_n: Array, half_sum_n: Array, condition: Ints
     They refer to `friction_n` and `half_sum_n`, half the difference and half the sum of both directions, at one
     condition or at the condition of each point. They are NaN at a condition without points of F(v).
 
-    - ``gain_n``, ``hysteresis_n``: errors of the sensors, proportional to friction and independent of it.
-    - ``position_n``: friction over the part of the stroke that the mean does not cover.
-    - ``friction_u_n``: all three together, the uncertainty of friction in the mean state of the campaign.
-    - ``state_n``: deviation of friction from the mean state. It applies to a single cycle, not to the mean curve.
-    - ``zero_n``: zero of the force sensor.
-    - ``direction_u_n``: for one direction, the zero and, without zero runs, the whole half sum.
+    ``gain_n`` is an error of the sensors that is proportional to friction, and ``hysteresis_n`` one that is not.
+    ``position_n`` is the uncertainty of friction over the part of the stroke that the mean does not cover.
+    ``friction_u_n`` combines these three. It holds for the mean state of the campaign.
+
+    ``state_n`` is the deviation of friction from the mean state. It applies to a single cycle, not to the mean curve.
+    ``zero_n`` is the zero of the force sensor. ``direction_u_n`` applies to friction of one direction. It contains the
+    zero and, without zero runs, the whole half sum.
     """
     points, pattern = fits.points, fits.points.pattern
     # The common range stands for the whole stroke: relative uncertainty of friction, and that of half the sum, N.

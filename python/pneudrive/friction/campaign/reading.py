@@ -271,9 +271,9 @@ def pressure_zeros(identity: Identity, tares: CycleTable) -> dict[str, Row]:
     """Return chamber ("a", "b") -> zero of its transducer, for transducers with a stated accuracy.
 
     ``tares`` is the number of usable zero runs. ``unusable`` has the key of a statement -> key of the zero run with
-    this fault -> deviation from ambient, or change, in Pa. With usable zero runs, ``blocks`` has each block -> zero, in
-    Pa, that is subtracted from its cycles; ``mean_pa`` is the mean over all runs, and ``stderr_pa`` its standard
-    uncertainty from noise and from the scatter of the runs.
+    this fault -> deviation from ambient, or change, in Pa. Three entries need usable zero runs. ``blocks`` has the zero
+    of each block, in Pa, which is subtracted from its cycles. ``mean_pa`` is the mean over all runs. ``stderr_pa`` is
+    its standard uncertainty from noise and from the scatter of the runs.
     """
     found = {}
     for side in "ab":

@@ -621,7 +621,7 @@ def _usable(
 def _paired(column: dict[str, NDArray]) -> dict[str, NDArray]:
     """Return the means over both rows of each pair: one recording, same friction, opposite directions.
 
-    A single row is a value of its own.
+    A row without a partner is a separate value.
     """
     import polars as pl
 
