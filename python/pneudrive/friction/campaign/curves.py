@@ -70,9 +70,10 @@ class Fits:
         """Curves with all components of their bands, in the order of the conditions.
 
         ``number`` is the index of a curve in the models, and ``index`` that of its condition in the points. The other
-        entries have shape (m,). ``cycles`` is the number of cycles at each ``speed_m_s``, 0 between the measured speeds.
-        ``value_n``, ``low_n`` and ``high_n`` are friction and its statistical 95 % interval. ``offset_n`` is half the sum
-        of both directions, and ``offset_half_n`` half the width of its interval. The rest are those of `systematic`.
+        entries have shape (m,). ``cycles`` is the number of cycles at each ``speed_m_s``; it is 0 between the measured
+        speeds. ``value_n``, ``low_n`` and ``high_n`` are friction and its statistical 95 % interval. ``offset_n`` is
+        half the sum of both directions, and ``offset_half_n`` half the width of its interval. The rest are those of
+        `systematic`.
         """
         points, found = self.points, []
         for number, index in enumerate(sorted(set(points["curve"][points.use].tolist()))):
