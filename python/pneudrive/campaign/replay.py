@@ -7,24 +7,21 @@ This module is in a layer above `pneudrive.rig`, because it reads campaign folde
 from __future__ import annotations
 
 import threading
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from time import monotonic
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import numpy as np
 
+from pneudrive.campaign.cycle import Cycle
 from pneudrive.campaign.storage.folder import ABOUT, Campaign, CycleFile
 from pneudrive.describe.marks import NOT_NEGATIVE, Accuracy, Quantity
 from pneudrive.errors import RigError
 from pneudrive.rig.interface import Envelope, Hold, Identity, Move, RigState, Samples, Sampling, Step, envelope_of
 from pneudrive.rig.motion import in_parts, keep_pace
 from pneudrive.rig.rig_file import RigFile
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
-
-    from pneudrive.campaign.cycle import Cycle
 
 SHOWN = 6
 # Axis limits of a rig known only from recordings (assumed). A plan computes the ends of its ramps from them.

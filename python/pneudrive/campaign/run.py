@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from pneudrive import __version__, own_code
 from pneudrive.campaign.planning.plan import lay_out
@@ -19,9 +19,6 @@ from pneudrive.errors import CampaignError
 from pneudrive.files.inputs import INPUTS, stored_beside, stored_input
 from pneudrive.repr_tables import Shown
 from pneudrive.rig.interface import Rig, as_json, closed_after
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
 
 
 @dataclass(frozen=True, repr=False)

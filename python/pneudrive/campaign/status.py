@@ -4,21 +4,16 @@ from __future__ import annotations
 
 import math
 from collections import Counter
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 from pneudrive.campaign.storage.control import Holder, holder
-from pneudrive.campaign.storage.folder import CYCLES, Campaign, Problem, plan_of, read_samples, recording_of
+from pneudrive.campaign.storage.folder import CYCLES, Campaign, CycleFile, Problem, plan_of, read_samples, recording_of
 from pneudrive.errors import CampaignError, ProtocolError, RecordingError
 from pneudrive.repr_tables import Shown
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-    from pathlib import Path
-
-    from pneudrive.campaign.storage.folder import CycleFile
-    from pneudrive.rig.interface import Identity
+from pneudrive.rig.interface import Identity
 
 
 @dataclass(frozen=True, repr=False)

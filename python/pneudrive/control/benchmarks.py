@@ -15,12 +15,13 @@ from dataclasses import dataclass, fields, replace
 from functools import lru_cache
 from itertools import product
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
-from pneudrive.arrays import attributes_of
+from pneudrive.arrays import Columns, Keyed, NamedIntervals, NamedNumbers, Plain, attributes_of
 from pneudrive.batching import processors
 from pneudrive.control.loop import RTOL, Prepared, deviating, prepare, run_prepared
 from pneudrive.control.mismatch import Mismatch, MismatchOrFile, read_mismatch
+from pneudrive.control.motion import Reference
 from pneudrive.control.own_law import is_own
 from pneudrive.control.references import NAMES, USUAL, ReferenceOrFile, named_or_read, reference
 from pneudrive.control.scores import SHOWN, SPREAD_SHOWN, Score, written
@@ -35,15 +36,11 @@ from pneudrive.lazy_names import upper
 from pneudrive.own_code import split
 from pneudrive.progress import Flag, Progress, Watch
 from pneudrive.simulation.simulate import whole_number
+from pneudrive.simulation.start import DriveOrCircuit
 from pneudrive.simulation.trajectory import read_columns, save_columns, write_frame, write_whole
 from pneudrive.views import ShownValue, View, Viewed
 
-if TYPE_CHECKING:
-    from pneudrive.arrays import Columns, Keyed, NamedIntervals, NamedNumbers, Plain
-    from pneudrive.control.motion import Reference
-    from pneudrive.simulation.start import DriveOrCircuit
-
-    References = ReferenceOrFile | Sequence[ReferenceOrFile] | Mapping[str, ReferenceOrFile]
+References = ReferenceOrFile | Sequence[ReferenceOrFile] | Mapping[str, ReferenceOrFile]
 
 
 # --- Score card: runs of laws along references with the scores of each law, read from the folder of a comparison.

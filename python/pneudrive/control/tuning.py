@@ -5,19 +5,21 @@ from __future__ import annotations
 import json
 import math
 import os
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple, TypeAlias, TypeVar
+from typing import Annotated, Any, Literal, NamedTuple, TypeAlias, TypeVar
 
 from pydantic import Field, model_validator
 
 from pneudrive import _core, own_code, units
-from pneudrive.arrays import attributes_of
+from pneudrive.arrays import NamedNumbers, Pair, Plain, attributes_of
 from pneudrive.control import setup as instrumentation
 from pneudrive.control.axis import check_axis, refused, supply_of
 from pneudrive.control.own_law import OWN, OwnLaw, is_own, own_law
 from pneudrive.datasheet.equilibrium import full_speeds
+from pneudrive.describe import Circuit
 from pneudrive.describe.base import Described
 from pneudrive.describe.files import toml
 from pneudrive.describe.files.catalogue import PREFIX
@@ -26,16 +28,9 @@ from pneudrive.errors import CommandError, DescriptionError, invalid, nearest, w
 from pneudrive.own_code import split
 from pneudrive.repr_tables import Shown
 from pneudrive.simulation.simulate import require
+from pneudrive.simulation.start import DriveOrCircuit
 from pneudrive.simulation.trajectory import write_whole
 from pneudrive.views import VALUE, ShownValue, View, Viewed
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
-
-    from pneudrive.arrays import NamedNumbers, Pair, Plain
-    from pneudrive.describe import Circuit
-    from pneudrive.simulation.start import DriveOrCircuit
-
 
 _Read = TypeVar("_Read")
 #: Defaults of a controller file: sampling period, s, hold band, m, and delay before holding, s (assumed).

@@ -5,35 +5,29 @@ from __future__ import annotations
 import math
 import tempfile
 from collections import defaultdict
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise, product
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from pneudrive import units
-from pneudrive.arrays import rows_of
+from pneudrive.arrays import Array, Pair, rows_of
 from pneudrive.datasheet.characteristics.air import drawn_mass
 from pneudrive.datasheet.plant import HeldDrive
 from pneudrive.datasheet.strokes import STROKE_MEANING, StrokeNumbers, litres_anr, moving_mass, stroke_numbers
+from pneudrive.describe.drive import Drive
 from pneudrive.errors import CampaignError, LayoutError, PneudriveError, RecordingError, package_table
 from pneudrive.friction.characterisation import characterise_recordings
 from pneudrive.friction.friction_map import write_map
+from pneudrive.progress import Watch
 from pneudrive.signals.drive_recording import VolumeRecording, read_volume_recordings
 from pneudrive.signals.layout import Layout
 from pneudrive.signals.load import find_layout
 from pneudrive.validate.motion import STATIC_FIT_PERCENT, FrictionValidation, is_friction, validate_friction
 from pneudrive.validate.validation import RecordResult, Validation, validate
 from pneudrive.views import Finding, State
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
-
-    from pneudrive.arrays import Array, Pair
-    from pneudrive.describe.drive import Drive
-    from pneudrive.progress import Watch
-
 
 # --- Air of a cycle from a tank that feeds the drive, disconnected from the mains: measured and simulated.
 #

@@ -3,28 +3,24 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import product
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from scipy.optimize import brentq
 
+from pneudrive.arrays import Array, Keyed, NamedNumbers, Pair, Plain
 from pneudrive.constants import STANDARD_GRAVITY_M_S2
+from pneudrive.describe.circuit import Circuit
 from pneudrive.describe.drive import Drive
 from pneudrive.describe.system import compiled
 from pneudrive.describe.tables.valve_flow import EXHAUST, FLOW_KEYS, path_of
 from pneudrive.errors import CommandError, DescriptionError
 from pneudrive.identify.export import steady_friction
 from pneudrive.simulation.session import Linear, Session
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    from pneudrive.arrays import Array, Keyed, NamedNumbers, Pair, Plain
-    from pneudrive.describe.circuit import Circuit
-
 
 # --- The valves of a drive as one signal u: 1 and -1 move the piston out and back, 0 shuts the valves.
 #

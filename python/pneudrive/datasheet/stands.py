@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable, Iterator
 from itertools import product
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from pneudrive import _core, units
+from pneudrive.arrays import Array
 from pneudrive.constants import ANR_DENSITY_KG_M3
 from pneudrive.datasheet.characteristic import Found, ResultValue, characteristic
 from pneudrive.datasheet.characteristics.steady import full_force, least_pressure
@@ -17,12 +19,6 @@ from pneudrive.describe.files.catalogue import Entry, entries
 from pneudrive.describe.tables.valve_flow import path_of
 from pneudrive.errors import CommandError
 from pneudrive.simulation.bench_circuit import steady_flow
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator
-
-    from pneudrive.arrays import Array
-
 
 # --- Virtual test stands: flow of the paths (C and b), leakage of shut chambers, times of a valve.
 

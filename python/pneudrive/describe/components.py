@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from functools import cached_property, lru_cache
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, cast
+from typing import Annotated, Any, ClassVar, Literal, cast
 
 from pydantic import BeforeValidator, ConfigDict, Field, create_model, model_validator
 
+from pneudrive.arrays import Interval, Keyed, NamedNumbers, Plain
 from pneudrive.describe import marks
 from pneudrive.describe.base import Described, inline
 from pneudrive.describe.files import sourced
@@ -22,11 +24,6 @@ from pneudrive.describe.tables.dependences import DEPENDENCES
 from pneudrive.describe.tables.friction import Friction, friction_laws
 from pneudrive.errors import DescriptionError, invalid, nearest, package_table, within, wrong
 from pneudrive.units import Pressure, UnitFloat, column_name
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
-
-    from pneudrive.arrays import Interval, Keyed, NamedNumbers, Plain
 
 #: Key of a size -> lowest and highest usual value, SI (assumed).
 USUAL = {"bore": (2e-3, 0.4), "stroke": (1e-3, 12.0), "moving_mass": (1e-3, 1e4), "conductance": (1e-12, 1e-6)}

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import hashlib
 import json
+from collections.abc import Callable, Iterable
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from pydantic import Field, model_validator
 
+from pneudrive.arrays import Keyed, NamedNumbers, Plain
 from pneudrive.describe.base import as_tables, escaped, inline, key_of
+from pneudrive.describe.circuit import Circuit
 from pneudrive.describe.components import merge, unusual
 from pneudrive.describe.files import catalogue, provenance, sourced, toml
 from pneudrive.describe.files.provenance import Origin
@@ -25,12 +28,6 @@ from pneudrive.describe.tables.starts import StartState, read_initial, start_sta
 from pneudrive.describe.tables.valve_flow import NEEDLE, conductance_key
 from pneudrive.errors import Problems, invalid, wrong
 from pneudrive.repr_tables import Card
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable
-
-    from pneudrive.arrays import Keyed, NamedNumbers, Plain
-    from pneudrive.describe.circuit import Circuit
 
 _FLOW_SHAPE = ("critical_pressure_ratio", "subsonic_index", "linear_above")
 #: Defaults without a source: results that use them say so.

@@ -4,13 +4,10 @@ from __future__ import annotations
 
 from functools import lru_cache
 from types import MappingProxyType
-from typing import TYPE_CHECKING
 
 from pneudrive import _core
+from pneudrive.arrays import Keyed, Plain
 from pneudrive.describe.tables import valve_flow
-
-if TYPE_CHECKING:
-    from pneudrive.arrays import Keyed, Plain
 
 #: Unit of an absolute or gauge pressure in the core's list; a pressure difference has the plain unit.
 STATED = "Pa abs"

@@ -7,16 +7,13 @@ chamber. Keys are only renamed; no value is computed.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from pneudrive.arrays import Keyed, Plain
 from pneudrive.describe.connections import ARROW
 from pneudrive.describe.kinds import component_kinds
 from pneudrive.describe.tables.valve_flow import FLOW_KEYS, NEEDLE
 from pneudrive.errors import Problems, invalid, nearest, wrong
-
-if TYPE_CHECKING:
-    from pneudrive.arrays import Keyed, Plain
-
 
 #: Tables of a drive file that describe components.
 TABLES = ("supply", "valve", "cylinder", "friction", "load", "tubing", "flow_control")

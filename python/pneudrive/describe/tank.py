@@ -7,10 +7,11 @@ from __future__ import annotations
 
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 from pydantic import BeforeValidator, Field, model_validator
 
+from pneudrive.arrays import Plain
 from pneudrive.describe import marks
 from pneudrive.describe.base import Described, DescribedFile
 from pneudrive.describe.components import Component, component, within_component
@@ -19,9 +20,6 @@ from pneudrive.describe.system import core_part
 from pneudrive.describe.tables import valve_flow
 from pneudrive.describe.tables.parts import Ambient, Gas
 from pneudrive.errors import DescriptionError, invalid, wrong
-
-if TYPE_CHECKING:
-    from pneudrive.arrays import Plain
 
 #: Kind of component of a tank's tube.
 TUBE = "tube/distributed"

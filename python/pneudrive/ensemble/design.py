@@ -9,12 +9,15 @@ import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import lru_cache, partial
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.special import ndtr, ndtri
 from scipy.stats import qmc
+from typing_extensions import Self
 
+from pneudrive.arrays import Array, Columns, Keyed, Plain
 from pneudrive.ensemble.variation import QuantityReader, Variation
 from pneudrive.errors import CommandError, nearest
 from pneudrive.free.parameters import find
@@ -24,13 +27,6 @@ from pneudrive.identify.static.model import PRESSURE_NAMES
 from pneudrive.identify.static.result import slope_key
 from pneudrive.repr_tables import Shown
 from pneudrive.simulation.simulate import MOST_WHOLE, whole_number
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
-    from typing_extensions import Self
-
-    from pneudrive.arrays import Array, Columns, Keyed, Plain
-
 
 # --- Variation of one number of a drive: distributions and grid values, in SI or as written quantities.
 

@@ -5,23 +5,20 @@ from __future__ import annotations
 import hashlib
 import json
 import uuid
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from pneudrive._core import Session as CoreSession
+from pneudrive.arrays import NamedNumbers, Plain
 from pneudrive.describe.components import parameter_quantity
 from pneudrive.describe.drive import Drive
 from pneudrive.describe.kinds import STATED
 from pneudrive.describe.system import compiled, short_name
 from pneudrive.errors import DescriptionError
 from pneudrive.free.parameters import component_numbers, side_of
+from pneudrive.simulation.start import DriveOrCircuit, StartState
 from pneudrive.simulation.trajectory import meaning
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from pneudrive._core import Session as CoreSession
-    from pneudrive.arrays import NamedNumbers, Plain
-    from pneudrive.simulation.start import DriveOrCircuit, StartState
 
 #: Parameters of a valve that are fixed in an FMU, because they change the number of states or delay the command.
 _HISTORY = ("frequency", "delay", "hysteresis", "overlap", "leakage")

@@ -4,23 +4,19 @@
 # JAX and PyTorch are not installed with pneudrive.
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from pneudrive.arrays import Array, ArrayPair
 from pneudrive.ensemble.outputs import Output, Reduction, SignalNames, reductions
 from pneudrive.errors import CommandError, SimulationError
 from pneudrive.free.parameters import Differentiator
+from pneudrive.simulation.command import Commands
 from pneudrive.simulation.simulate import positive
 from pneudrive.simulation.start import DriveOrCircuit, StartState, start
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from numpy.typing import ArrayLike
-
-    from pneudrive.arrays import Array, ArrayPair
-    from pneudrive.simulation.command import Commands
 
 WORDS = ("final", "max", "min", "mean", "integral", "time_when", "samples")
 #: Number of parts of a sampling interval that contains a result between samples.

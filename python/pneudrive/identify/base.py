@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
+from numpy.typing import ArrayLike
 from pydantic import BaseModel, ConfigDict, Field, StrictBool, StrictStr, ValidationError
+from typing_extensions import Self
 
+from pneudrive.arrays import Array, Interval, NamedIntervals, NamedNumbers, Pair, Plain
 from pneudrive.describe.files import toml
 from pneudrive.errors import FitError, nearest, package_table
 from pneudrive.estimate.estimates import student, whole_interval
@@ -21,14 +25,6 @@ from pneudrive.numbers import plain
 from pneudrive.simulation.trajectory import write_whole
 from pneudrive.units import readable
 from pneudrive.views import MOST_LEADING, Finding, ShownFigure, ShownValue, View, Viewed
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Mapping, Sequence
-
-    from numpy.typing import ArrayLike
-    from typing_extensions import Self
-
-    from pneudrive.arrays import Array, Interval, NamedIntervals, NamedNumbers, Pair, Plain
 
 #: Note of a fit of simulated data.
 SIMULATED = "from simulated recordings"

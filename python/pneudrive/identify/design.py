@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import starmap
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -25,10 +25,6 @@ from pneudrive.progress import Flag, Watch
 from pneudrive.repr_tables import Shown
 from pneudrive.units import readable
 from pneudrive.views import ShownTable, View, Viewed
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Collection, Iterator, Sequence
-
 
 # --- Comparison of laws and dependences on pressure by cross-validation over conditions.
 

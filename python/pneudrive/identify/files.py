@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, get_args
+from typing import get_args
 
+from pneudrive.arrays import Interval
 from pneudrive.describe.drive import Drive
 from pneudrive.describe.files import toml
 from pneudrive.describe.files.load import OF_A_CIRCUIT
@@ -16,9 +17,6 @@ from pneudrive.identify.identified import stated
 from pneudrive.identify.static.result import FrictionFit, LawFit
 from pneudrive.identify.volume import RegulatorFit, VolumeFit
 from pneudrive.simulation.trajectory import SUFFIXES
-
-if TYPE_CHECKING:
-    from pneudrive.arrays import Interval
 
 AnyFit = FrictionFit | LawFit | DriveFit | VolumeFit | Presliding | FollowFit | RegulatorFit
 KINDS: dict[str, type[AnyFit]] = {kind.KIND: kind for kind in get_args(AnyFit)}

@@ -6,11 +6,13 @@ Fits of friction maps and of recordings both use `Identified`, so that a drive f
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from fnmatch import fnmatchcase
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from pneudrive import figures, units
+from pneudrive.arrays import Array, Interval, Keyed, NamedNumbers, Plain
 from pneudrive.describe import Circuit, Drive
 from pneudrive.describe.files import provenance
 from pneudrive.describe.marks import Quantity, StatedPressure, parameter_quantities
@@ -21,12 +23,6 @@ from pneudrive.figures import MODEL, RESIDUAL, SPEED, Axis, Figure, Line, Look, 
 from pneudrive.free.parameters import circuit_numbers, numbers_of, with_shape
 from pneudrive.simulation.trajectory import meaning
 from pneudrive.units import readable
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
-
-    from pneudrive.arrays import Array, Interval, Keyed, NamedNumbers, Plain
-
 
 # --- Sentences of fits, from sentences.toml.
 

@@ -10,10 +10,11 @@ side, the interval is open and the value is not determined.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import product
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import numpy as np
 from scipy.optimize import OptimizeResult, least_squares
@@ -38,14 +39,9 @@ from pneudrive.identify.identified import FittedData, number_table, sentence, se
 from pneudrive.numbers import plain
 from pneudrive.progress import UNWATCHED, Flag, Progress, Watch
 from pneudrive.signals.drive_recording import VolumeRecording, read_volume_recordings
+from pneudrive.signals.layout import AnyLayout
 from pneudrive.units import readable
 from pneudrive.views import Finding
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from pneudrive.signals.layout import AnyLayout
-
 
 # --- Identification of a fixed volume from pressures: conductance, critical ratio, heat transfer, leak, tube friction.
 

@@ -15,21 +15,17 @@ from concurrent.futures import Future
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field, fields
 from functools import cache
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Protocol, TypeGuard, TypeVar, runtime_checkable
+from typing import Annotated, Any, ClassVar, Protocol, TypeGuard, TypeVar, runtime_checkable
 
 import numpy as np
 import pydantic
+from numpy.typing import NDArray
 
+from pneudrive.arrays import Array, Ints, Plain
 from pneudrive.constants import STANDARD_ATMOSPHERE_PA
 from pneudrive.errors import DescriptionError, ErrorKind, RigError, nearest, package_table
 from pneudrive.signals.force_calibration import ForceCalibration
 from pneudrive.units import LARGEST
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from pneudrive.arrays import Array, Ints, Plain
-
 
 T = TypeVar("T")
 

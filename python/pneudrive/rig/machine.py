@@ -8,13 +8,15 @@ from __future__ import annotations
 import hashlib
 import json
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, field, fields, replace
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from pydantic import ConfigDict, TypeAdapter
 
 from pneudrive import _core
+from pneudrive.arrays import Array, Columns, Pair, Plain
 from pneudrive.constants import LEAK_CRITICAL_RATIO, STANDARD_GRAVITY_M_S2
 from pneudrive.errors import RigError, SimulationError
 from pneudrive.rig.description import RIGID, RigDescription
@@ -22,12 +24,7 @@ from pneudrive.rig.interface import Hold, Move, Step, plain
 from pneudrive.rig.motion import Motion, brake, dwell, move
 from pneudrive.simulation.bench_circuit import AMBIENT, Dragged, MotionResult
 
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from pneudrive.arrays import Array, Columns, Pair, Plain
-
-    Numbers = float | Array
+Numbers = float | Array
 
 
 def core_friction(d: RigDescription, mounting: str = RIGID) -> Plain:

@@ -8,21 +8,17 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from threading import Event
 from time import monotonic
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from pneudrive.arrays import Array
 from pneudrive.errors import CommandError
 from pneudrive.files.bounds import within
-
-if TYPE_CHECKING:
-    from threading import Event
-
-    from numpy.typing import ArrayLike
-
-    from pneudrive.arrays import Array
-    from pneudrive.rig.interface import Sampling
+from pneudrive.rig.interface import Sampling
 
 
 @dataclass(frozen=True)

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Field, PrivateAttr, StrictBool, create_model, model_validator
+from typing_extensions import Self
 
 from pneudrive import own_code, units
 from pneudrive.describe import marks
@@ -17,12 +19,6 @@ from pneudrive.describe.tables.geometry import PistonTable
 from pneudrive.errors import RigError, nearest, wrong
 from pneudrive.rig.interface import WORDS, Envelope, Identity, Rig, missing_verbs
 from pneudrive.signals.force_calibration import ForceCalibration, of_quantities
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from typing_extensions import Self
-
 
 #: Channel in a rig file -> name and SI unit of the channel in an `Identity`.
 CHANNELS: dict[str, tuple[str, str]] = WORDS["channels"]

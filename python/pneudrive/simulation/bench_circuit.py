@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 import json
-from typing import TYPE_CHECKING, NamedTuple
+from collections.abc import Callable, Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
 from pneudrive import constants, units
+from pneudrive.arrays import Array, Keyed, NamedNumbers, Plain
 from pneudrive.describe.system import short_name
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
-
-    from pneudrive.arrays import Array, Keyed, NamedNumbers, Plain
-    from pneudrive.describe.tables.parts import Gas
+from pneudrive.describe.tables.parts import Gas
 
 SETTLED_S = 5.0  # after that the flow through a line is steady
 VACUUM = 1e-4  # pressure behind a valve with choked flow, over that before the line

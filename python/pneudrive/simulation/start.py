@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TypeAlias
 
+from pneudrive.describe import Circuit, Drive
 from pneudrive.describe.tables.starts import StartState as StartState
 from pneudrive.errors import CommandError
 from pneudrive.simulation.session import Session
-
-if TYPE_CHECKING:
-    from pneudrive.describe import Circuit, Drive
 
 #: What a simulation takes.
 DriveOrCircuit: TypeAlias = "Drive | Circuit"

@@ -10,17 +10,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from pneudrive.arrays import Array, NamedNumbers, Pair
 from pneudrive.sizing.checks import Shortage, SizedDrive, rank_of
 from pneudrive.sizing.strokes import NEVER, DriveStrokes, StrokeResults, StrokeRuns, Tuned, cases, is_worth_more
 from pneudrive.sizing.task import DriveChoice, PartChoice, SizingTask
-
-if TYPE_CHECKING:
-    from pneudrive.arrays import Array, NamedNumbers, Pair
-
 
 #: Key of the ranking: see `SizedDrive.rank`.
 Rank = tuple[Any, ...]

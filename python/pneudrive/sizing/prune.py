@@ -6,23 +6,17 @@ Every bound uses the favourable end of each spread, so a removed choice fails in
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from itertools import product
-from typing import TYPE_CHECKING
 
 from pneudrive import units
+from pneudrive.arrays import Keyed, Plain
 from pneudrive.constants import AIR_GAS_CONSTANT_J_KG_K, ANR_DENSITY_KG_M3, ANR_TEMPERATURE_K
 from pneudrive.describe.tables.parts import Gas
 from pneudrive.simulation.bench_circuit import VACUUM, steady_flow
 from pneudrive.sizing.candidate import TubedCylinder
 from pneudrive.sizing.checks import Shortage, mechanical_checks, open_names
-from pneudrive.sizing.task import SAME_STROKE, SLOTS, DriveChoice, PartChoice, choices, grouped
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Mapping, Sequence
-
-    from pneudrive.arrays import Keyed, Plain
-    from pneudrive.sizing.task import Parts, SizingTask
-
+from pneudrive.sizing.task import SAME_STROKE, SLOTS, DriveChoice, PartChoice, Parts, SizingTask, choices, grouped
 
 #: Largest factor by which the gas ahead of a piston is compressed over a whole stroke (assumed): 1.5 allows for drives
 #: faster than their choked speed.

@@ -10,11 +10,12 @@ from __future__ import annotations
 import math
 import re
 from collections import defaultdict
+from collections.abc import Generator, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise, product
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -28,10 +29,7 @@ from pneudrive.ensemble.outputs import MemberPlans, Reduction
 from pneudrive.ensemble.variation import DONE, CoreMembers, Starts, run_members
 from pneudrive.sizing.task import PROPORTIONAL, DriveChoice, PartChoice, SizingTask, energy_limit, peak_limit
 
-if TYPE_CHECKING:
-    from collections.abc import Generator, Iterable, Mapping, Sequence
-
-    Search = Generator["StrokeRuns", "StrokeResults", Any]
+Search = Generator["StrokeRuns", "StrokeResults", Any]
 
 
 #: Sampled quantities, in the order of the columns of a sample.

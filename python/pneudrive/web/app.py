@@ -10,13 +10,15 @@ import asyncio
 import json
 import platform
 import re
+from collections.abc import Mapping
 from mimetypes import guess_type
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from starlette.applications import Starlette
 from starlette.requests import ClientDisconnect, Request
 from starlette.responses import JSONResponse, Response
 from starlette.routing import Route, WebSocketRoute
+from starlette.websockets import WebSocket
 
 from pneudrive import __version__
 from pneudrive.arrays import Keyed, Plain
@@ -30,12 +32,6 @@ from pneudrive.web.jobs import READY, JobRequest, PageJobs
 from pneudrive.web.live import live
 from pneudrive.web.messages import answer_of, page_error, problems_of, table_of
 from pneudrive.web.workspace import MOST_FILES, ChangedError, Workspace, fingerprint
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from starlette.websockets import WebSocket
-
 
 #: Permissions of a report in a browser: only to be viewed and saved.
 SANDBOX = f"{POLICY}; frame-ancestors 'none'; sandbox allow-same-origin allow-downloads"

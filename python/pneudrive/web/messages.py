@@ -10,25 +10,22 @@ import json
 import shlex
 import struct
 import zlib
+from collections.abc import Callable, Mapping
 from functools import cache
 from importlib import import_module
 from inspect import Parameter, signature
 from traceback import print_exception
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import numpy as np
 import pydantic
 from pydantic import AfterValidator, BaseModel, FiniteFloat, StrictInt, StrictStr, ValidationError, WrapValidator
+from typing_extensions import Self
 
 from pneudrive.arrays import Keyed, Plain, attributes_of
 from pneudrive.errors import CommandError, PneudriveError, package_table
 from pneudrive.figures import plain_data
 from pneudrive.web.workspace import safe
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
-
-    from typing_extensions import Self
 
 ALIGNED = 8
 LONGEST_NAME = 200  # longest name in a message

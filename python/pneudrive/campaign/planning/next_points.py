@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 from itertools import product
-from typing import TYPE_CHECKING
 
 from pneudrive.campaign.planning.protocol import Pressures
 from pneudrive.identify.design import Limits
-
-if TYPE_CHECKING:
-    from pneudrive.identify.static.result import FrictionFit
-    from pneudrive.rig.interface import Envelope, Identity
+from pneudrive.identify.static.result import FrictionFit
+from pneudrive.rig.interface import Envelope, Identity
 
 #: Lowest proposed speed by default, m/s.
 SLOWEST_M_S = 1e-3

@@ -8,11 +8,12 @@ from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple
 
 from pydantic import ConfigDict, Field, PrivateAttr, model_validator
 
 from pneudrive import units
+from pneudrive.arrays import Keyed, Plain
 from pneudrive.describe import marks
 from pneudrive.describe.base import Described
 from pneudrive.describe.files import toml
@@ -20,10 +21,6 @@ from pneudrive.describe.marks import POSITIVE, Bounds, Mark, Percent, Quantity, 
 from pneudrive.errors import DescriptionError, ProtocolError, nearest, wrong
 from pneudrive.files.bounds import within
 from pneudrive.rig.interface import Sampling
-
-if TYPE_CHECKING:
-    from pneudrive.arrays import Keyed, Plain
-
 
 #: Significant digits of the levels between the ends of a range. Four digits let the name of a level state it exactly.
 DIGITS = 4

@@ -10,26 +10,23 @@ import select
 import shutil
 import sys
 import uuid
+from collections.abc import Callable, Sequence
+from concurrent.futures import Future
 from dataclasses import dataclass, replace
 from functools import partial
 from time import monotonic, time
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import Any, TypeAlias
 
 from pneudrive import __version__
+from pneudrive.arrays import Plain
 from pneudrive.campaign.cycle import WORDS, Cycle, Head
+from pneudrive.campaign.planning.preflight import Plan, Planned
 from pneudrive.campaign.running import attempt
 from pneudrive.campaign.running.live import Display, LiveFiles, counted
 from pneudrive.campaign.storage import control
 from pneudrive.campaign.storage.folder import CYCLES, LOG, Campaign, tidy, write_cycle
 from pneudrive.errors import CampaignError, ConnectionLostError, RigError
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-    from concurrent.futures import Future
-
-    from pneudrive.arrays import Plain
-    from pneudrive.campaign.planning.preflight import Plan, Planned
-    from pneudrive.rig.interface import Rig, Samples
+from pneudrive.rig.interface import Rig, Samples
 
 #: Each is called with the name and the content of a document.
 Subscribers: TypeAlias = "Sequence[Callable[[str, dict], None]]"

@@ -6,31 +6,27 @@ import json
 import sys
 import threading
 import zlib
+from collections.abc import Collection
 from contextlib import suppress
 from io import BytesIO
+from pathlib import Path
 from time import monotonic
-from typing import TYPE_CHECKING, Any
+from typing import Any
 from zipfile import BadZipFile
 
 import numpy as np
+from numpy.typing import NDArray
 
+from pneudrive.arrays import Columns, Plain
+from pneudrive.campaign.cycle import Cycle
+from pneudrive.campaign.planning.preflight import Plan
 from pneudrive.campaign.storage.control import FOLDER, LIVE, write_whole
 from pneudrive.errors import CampaignError
 from pneudrive.files.content import read_bytes
 from pneudrive.numbers import duration
+from pneudrive.rig.interface import Samples
 
-if TYPE_CHECKING:
-    from collections.abc import Collection
-    from pathlib import Path
-
-    from numpy.typing import NDArray
-
-    from pneudrive.arrays import Columns, Plain
-    from pneudrive.campaign.cycle import Cycle
-    from pneudrive.campaign.planning.preflight import Plan
-    from pneudrive.rig.interface import Samples
-
-    Points = NDArray[np.float32]
+Points = NDArray[np.float32]
 
 REFRESHED_HZ = 5.0
 

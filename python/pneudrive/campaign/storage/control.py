@@ -16,22 +16,19 @@ import socket
 import stat
 import threading
 from collections import deque
+from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass, replace
 from datetime import datetime
 from itertools import chain
 from pathlib import Path
 from time import monotonic, sleep, time_ns
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from pneudrive.campaign.cycle import WORDS
 from pneudrive.errors import CampaignError, CommandError
 from pneudrive.files.content import read_json
 from pneudrive.files.writing import is_held, open_to_append, take
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
 
 # --- Whole files, the lock and the log of a campaign folder.
 

@@ -15,16 +15,19 @@ from __future__ import annotations
 import hashlib
 import json
 import re
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pneudrive.arrays import Array, Bools, Ints, Plain, attributes_of
 from pneudrive.batching import many_objects
 from pneudrive.campaign.cycle import SCHEMA, Cycle, Head, check_schema, read_head
+from pneudrive.campaign.planning.preflight import Plan
 from pneudrive.campaign.storage.control import FOLDER, PART, clear_errors, make_folder, write_whole
 from pneudrive.errors import CampaignError, PneudriveError, RecordingError
 from pneudrive.files.content import exists, read_json, read_text
@@ -34,14 +37,6 @@ from pneudrive.repr_tables import Card, Shown
 from pneudrive.rig.interface import CHANNELS, SHARED, Identity, Move, Samples, envelope_of, identity_of, plain
 from pneudrive.signals.motion import middle, noise_level
 from pneudrive.signals.recording import Recording, clean, refuse_channels
-
-if TYPE_CHECKING:
-    from collections.abc import Collection, Iterator, Sequence
-
-    from numpy.typing import NDArray
-
-    from pneudrive.campaign.planning.preflight import Plan
-
 
 #: Fraction of the usual speed below which the piston counts as at rest.
 RESTS = 0.1

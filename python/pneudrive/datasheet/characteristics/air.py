@@ -2,33 +2,29 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from pneudrive.arrays import Array, NamedNumbers, Pair
 from pneudrive.constants import AIR_GAS_CONSTANT_J_KG_K
 from pneudrive.datasheet.characteristic import Found, characteristic
 from pneudrive.datasheet.characteristics.response import cycle, simulate_plant, square, start_of
+from pneudrive.datasheet.plant import HeldDrive
 from pneudrive.datasheet.strokes import litres_anr
+from pneudrive.describe import Circuit
 from pneudrive.describe.system import compiled
 from pneudrive.ensemble.outputs import Reduction, member_plans
 from pneudrive.ensemble.variation import CoreMembers, run_members
 from pneudrive.errors import warn
 from pneudrive.progress import Flag, Watch
+from pneudrive.simulation.command import Commands
 from pneudrive.simulation.simulate import run
+from pneudrive.simulation.start import DriveOrCircuit, StartState
 from pneudrive.views import ShownValue, View, Viewed
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from pneudrive.arrays import Array, NamedNumbers, Pair
-    from pneudrive.datasheet.plant import HeldDrive
-    from pneudrive.describe import Circuit
-    from pneudrive.simulation.command import Commands
-    from pneudrive.simulation.start import DriveOrCircuit, StartState
-
 
 FULL_S = 20.0  # half a cycle: chambers fill and empty, and take the temperature of the wall
 SLOW = 4.0  # a slow drive is given this times the half cycle in which its piston reaches both ends

@@ -4,20 +4,17 @@ from __future__ import annotations
 
 import math
 from concurrent.futures import ThreadPoolExecutor
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from pneudrive.arrays import Pair
 from pneudrive.datasheet.characteristic import Found, ResultValue, characteristic
 from pneudrive.datasheet.equilibrium import SIDE, gas_at, linear_model, steady_state
 from pneudrive.datasheet.plant import LEAST_VELOCITY, HeldDrive
 from pneudrive.errors import CommandError, SimulationError
 from pneudrive.numbers import plain
-
-if TYPE_CHECKING:
-    from pneudrive.arrays import Pair
-    from pneudrive.simulation.session import Linear
-
+from pneudrive.simulation.session import Linear
 
 # --- Steady motion and blocked piston: velocity against command and load, force against velocity, pressure gain.
 

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING
 
+from pneudrive.arrays import Plain
 from pneudrive.describe.circuit import Circuit
 from pneudrive.describe.components import component_class
 from pneudrive.describe.drive import Drive
@@ -13,12 +14,6 @@ from pneudrive.describe.kinds import component_kinds
 from pneudrive.describe.marks import table_schema
 from pneudrive.describe.short import TABLES, TUBES
 from pneudrive.errors import DescriptionError
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable
-
-    from pneudrive.arrays import Plain
-
 
 #: Tables that make a file a circuit.
 OF_A_CIRCUIT = ("components", "connections")

@@ -4,19 +4,16 @@ from __future__ import annotations
 
 import json
 from functools import cached_property
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar
+from pathlib import Path
+from typing import Annotated, Any, ClassVar
 
 from pydantic import Field
 
+from pneudrive.arrays import Plain
 from pneudrive.describe.formulas import written
 from pneudrive.describe.marks import Reads
 from pneudrive.describe.tables.dependences import DEPENDENCES
 from pneudrive.errors import invalid, nearest, wrong
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from pneudrive.arrays import Plain
 
 LEVELS = ("coulomb", "breakaway", "viscous")
 OUTPUTS = ("force", "energy", "slip", "steady")

@@ -6,12 +6,12 @@ import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import cached_property, lru_cache
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, get_args
+from typing import Annotated, Any, ClassVar, Literal, get_args
 
 from pydantic import ModelWrapValidatorHandler, model_validator
 
 from pneudrive import _core, units
-from pneudrive.arrays import Plain
+from pneudrive.arrays import Keyed, NamedNumbers, Plain
 from pneudrive.describe import marks
 from pneudrive.describe.base import Described
 from pneudrive.describe.files import sourced
@@ -21,9 +21,6 @@ from pneudrive.describe.marks import Quantity, StatedPressure, Stiffness, parame
 from pneudrive.describe.tables import dependences
 from pneudrive.describe.tables.dependences import DEPENDENCES, Acting
 from pneudrive.errors import DescriptionError, invalid, nearest, warn, wrong
-
-if TYPE_CHECKING:
-    from pneudrive.arrays import Keyed, NamedNumbers
 
 
 @lru_cache(maxsize=1)

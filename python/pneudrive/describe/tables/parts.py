@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, get_args
+from collections.abc import Collection, Mapping, Sequence
+from typing import Annotated, Any, ClassVar, Literal, get_args
 
 from pydantic import Field, model_validator
 
 from pneudrive import _core, constants, units
+from pneudrive.arrays import NamedNumbers, Pair, Plain
 from pneudrive.constants import AIR_GAS_CONSTANT_J_KG_K, AIR_HEAT_CAPACITY_RATIO, ANR_TEMPERATURE_K
 from pneudrive.describe import marks
 from pneudrive.describe.base import Described
@@ -14,11 +16,6 @@ from pneudrive.describe.marks import NOT_NEGATIVE, POSITIVE, Bounds, MaybePressu
 from pneudrive.describe.tables import valve_flow
 from pneudrive.describe.tables.geometry import check_rod, piston_areas
 from pneudrive.errors import invalid, package_table, warn, wrong
-
-if TYPE_CHECKING:
-    from collections.abc import Collection, Mapping, Sequence
-
-    from pneudrive.arrays import NamedNumbers, Pair, Plain
 
 #: Bounds of a dew point, -80 to 60 degC: range of dryers and of the vapour pressure formula.
 DEW_POINTS = Bounds(at_least=193.15, at_most=333.15)

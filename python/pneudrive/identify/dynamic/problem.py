@@ -2,27 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from pneudrive import _core
 from pneudrive.arrays import Array, ArrayPair, Bools, Ints, NamedNumbers
 from pneudrive.describe import Circuit, Drive
 from pneudrive.errors import FitError
-from pneudrive.estimate.estimates import rms
+from pneudrive.estimate.estimates import Transforms, rms
 from pneudrive.free.parameters import COMMAND_STEPS, DriveFamily, Parameter, at_rest
 from pneudrive.identify.dynamic.sensors import Channel, SensorParameter, lagged
 from pneudrive.identify.identified import stated
 from pneudrive.progress import UNWATCHED, Watch
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
-
-    from pneudrive import _core
-    from pneudrive.estimate.estimates import Transforms
-    from pneudrive.signals.drive_recording import DriveRecording
+from pneudrive.signals.drive_recording import DriveRecording
 
 
 @dataclass(frozen=True)

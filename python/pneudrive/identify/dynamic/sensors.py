@@ -8,19 +8,16 @@ recordings. Gain and lag are common to all recordings.
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
 
+from pneudrive.arrays import Array, Keyed
 from pneudrive.errors import DescriptionError, FitError, RecordingError, nearest
+from pneudrive.signals.drive_recording import DriveRecording
 from pneudrive.simulation.trajectory import meaning
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
-
-    from pneudrive.arrays import Array, Keyed
-    from pneudrive.signals.drive_recording import DriveRecording
 
 #: Channel -> column of a recording and of the core.
 CHANNELS = {

@@ -29,29 +29,25 @@ from __future__ import annotations
 
 import csv
 import io
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 
 from pneudrive.arrays import Array, ArrayPair, Interval, Keyed, NamedNumbers, Pair, by_name
+from pneudrive.describe import Drive
 from pneudrive.describe.base import Described
 from pneudrive.describe.files import toml
 from pneudrive.describe.files.provenance import GivenNumber, values
 from pneudrive.describe.marks import Quantity
+from pneudrive.describe.tables.friction import Friction
 from pneudrive.errors import DescriptionError, FitError, nearest
 from pneudrive.files.content import rendered, spreadsheet_text
 from pneudrive.identify.identified import number_table, sentence, sentences
 from pneudrive.repr_tables import Shown
 from pneudrive.simulation.trajectory import write_whole
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
-
-    from pneudrive.describe import Drive
-    from pneudrive.describe.tables.friction import Friction
-
 
 # --- Sliding friction for export: a curve over the measured speeds, and the dependences that it does not contain.
 

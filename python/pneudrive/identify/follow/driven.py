@@ -3,28 +3,24 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple, TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pneudrive import _core
+from pneudrive.arrays import Array, ArrayPair, Bools, Columns, Interval, NamedNumbers, Plain
 from pneudrive.describe.circuit import Circuit
 from pneudrive.describe.tables.geometry import piston_areas
 from pneudrive.errors import CommandError, FitError, RecordingError, nearest
 from pneudrive.identify.identified import number_table, stated
+from pneudrive.signals.layout import AnyLayout
 from pneudrive.signals.load import load_recordings
 from pneudrive.signals.motion import NOISE_FACTOR, noise_level
 from pneudrive.signals.recording import Recording
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
-
-    from numpy.typing import NDArray
-
-    from pneudrive.arrays import Array, ArrayPair, Bools, Columns, Interval, NamedNumbers, Plain
-    from pneudrive.signals.layout import AnyLayout
 
 MOST_GRID = 4500  # times at which pressures are compared
 COARSEST_S = 0.1  # largest step of these times, unless the recording has fewer samples

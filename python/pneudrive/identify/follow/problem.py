@@ -6,25 +6,20 @@ and correlation time, and the covariance is a sandwich estimate over blocks of t
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
-from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pneudrive.arrays import Array, ArrayPair, Interval, NamedIntervals, NamedNumbers, by_name
 from pneudrive.errors import FitError
 from pneudrive.estimate.estimates import student
 from pneudrive.identify.follow.driven import SIDES, DrivenCircuit, DrivenRecording, Number
 from pneudrive.progress import UNWATCHED, Watch
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from numpy.typing import NDArray
-
 
 #: Prior standard uncertainty of the gas temperature for a start at rest and in motion, K, and of the delay, s
 #: (assumed).

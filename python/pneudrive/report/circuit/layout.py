@@ -7,26 +7,23 @@ from __future__ import annotations
 
 import heapq
 import math
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import lru_cache
 from itertools import chain, pairwise
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
+from pneudrive.arrays import Interval, Keyed
+from pneudrive.describe import Circuit, Component
 from pneudrive.describe.connections import Joint, Wiring, is_platform
 from pneudrive.describe.kinds import flow_keys, is_needed
 from pneudrive.errors import CommandError, package_table, wrong
 from pneudrive.report.render import FONT, applied, load_matplotlib
 
-if TYPE_CHECKING:
-    from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
-
-    from pneudrive.arrays import Interval, Keyed
-    from pneudrive.describe import Circuit, Component
-
-    Placed = Mapping[str, "Block"]
-    Beside = dict[str, str]  # component without gas -> the component that moves it
-    Pulls = dict[str, list[tuple[str, str, str]]]  # component -> its port, and component and port near which it is
+Placed = Mapping[str, "Block"]
+Beside = dict[str, str]  # component without gas -> the component that moves it
+Pulls = dict[str, list[tuple[str, str, str]]]  # component -> its port, and component and port near which it is
 
 MODULE_IN = 0.1  # inch, height of a module on paper
 NAME_PT, TEXT_PT = 7.0, 6.0

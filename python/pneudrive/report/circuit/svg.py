@@ -6,22 +6,18 @@ notebook, shows the bare texts, one per line.
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from html import escape
+from pathlib import Path
 from textwrap import wrap
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
+from pneudrive.describe import Circuit, Drive
 from pneudrive.figures import Drawing, Figure, Panel, PenStroke
 from pneudrive.report.circuit.layout import LINE, MODULE_IN, NAME_PT, TEXT_PT, Box, Shape, arranged, bounds, text_width
 from pneudrive.report.render import DrawnFigure, draw_figure
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-    from pathlib import Path
-
-    from pneudrive.describe import Circuit, Drive
-
 
 EDGE = 2.0  # modules of paper around everything
 TITLE_PT = 9.0

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 import pneudrive as pn
-from pneudrive.arrays import rows_of
+from pneudrive.arrays import Array, Columns, Interval, Keyed, Plain, rows_of
 from pneudrive.campaign.storage.control import write_whole
 from pneudrive.campaign.storage.folder import Campaign, recording_of
 from pneudrive.characterise import SourcePaper, characterise_recordings
@@ -18,22 +18,16 @@ from pneudrive.characteristics import CampaignCharacteristics, campaign_friction
 from pneudrive.errors import CampaignError, package_table
 from pneudrive.estimate.estimates import mean_estimate
 from pneudrive.files.content import read_json
+from pneudrive.friction.campaign.result import AirShare
 from pneudrive.friction.friction_map import BOTH
 from pneudrive.friction.stick_slip import STUCK_SHARE, StickSlip, measure_stick_slip, slip_onsets
 from pneudrive.friction.strokes import moving_average
 from pneudrive.rig import AnalogSensor, Encoder, Envelope, Identity
 from pneudrive.rig.interface import Move, Step, envelope_of
+from pneudrive.rig.machine import Machine, Past
+from pneudrive.rig.motion import Motion
 from pneudrive.signals.motion import local_slope
 from pneudrive.simulation import trajectory
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
-
-    from pneudrive.arrays import Array, Columns, Interval, Keyed, Plain
-    from pneudrive.friction.campaign.result import AirShare
-    from pneudrive.rig.machine import Machine, Past
-    from pneudrive.rig.motion import Motion
-
 
 #: Experiment -> (ready protocol, argument of `load_rig`). The paper does not describe its rigs: the first is assumed to
 #: be without pressure, the second with equal pressure in both chambers.

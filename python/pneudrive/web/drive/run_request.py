@@ -8,14 +8,16 @@ from __future__ import annotations
 import math
 import re
 import time
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import numpy as np
 from pydantic import AfterValidator, Field, StrictFloat, StrictInt, StrictStr, field_validator
 
+from pneudrive.arrays import Columns, Ints, Keyed, Plain
 from pneudrive.describe import Circuit, Drive
 from pneudrive.describe.files.load import described_in
 from pneudrive.describe.formulas.written import FILE_PREFIX
@@ -32,12 +34,6 @@ from pneudrive.views import STATES, Finding, View, worst
 from pneudrive.web.measured.tiles import drawn_columns
 from pneudrive.web.messages import PageRequest, Pixels, Value, call, shell
 from pneudrive.web.workspace import COMMANDS, DESCRIPTIONS, NewNames, Workspace, is_in_catalogue
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
-
-    from pneudrive.arrays import Columns, Ints, Keyed, Plain
-
 
 Described = Drive | Circuit
 

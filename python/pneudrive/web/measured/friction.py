@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections import Counter
 from pathlib import Path
 from posixpath import basename, dirname, join
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import Annotated, Literal
 
 import numpy as np
 import polars as pl
+import xarray as xr
 from pydantic import Field, FiniteFloat
 
 from pneudrive.arrays import Array, Ints, Plain
@@ -27,10 +28,6 @@ from pneudrive.web.jobs import RIG
 from pneudrive.web.messages import bounded, python, shell
 from pneudrive.web.results import FIT, SAME, Lineage
 from pneudrive.web.workspace import DESCRIPTIONS, Workspace
-
-if TYPE_CHECKING:
-    import xarray as xr
-
 
 MAPS = (".parquet", ".csv")
 MOST_POINTS = 10_000

@@ -8,22 +8,18 @@ needs only the blocks. A closer view reads the samples.
 from __future__ import annotations
 
 import json
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
 
 from pneudrive.arrays import Array, Columns, Interval, Ints, Plain, attributes_of, by_name
+from pneudrive.progress import Watch
 from pneudrive.signals.channels import first_fall
 
-if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-    from pathlib import Path
-
-    from pneudrive.progress import Watch
-
-    #: Times of samples between two rows, s, and values of columns, by name.
-    Reader = Callable[[Sequence[str], tuple[int, int]], tuple[Array, Columns]]
+#: Times of samples between two rows, s, and values of columns, by name.
+Reader = Callable[[Sequence[str], tuple[int, int]], tuple[Array, Columns]]
 
 BLOCK = 256  # samples
 READ = BLOCK << 11  # samples read at once: half a million, 4 MB a channel
