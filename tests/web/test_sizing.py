@@ -116,7 +116,7 @@ def test_a_search_of_another_process_is_seen_and_not_begun_again(
         assert "a process searches in results/push already" in refused["problems"][0]["what"]
         monkeypatch.chdir(served.folder)
         assert run_command(["size", "push.toml", "--samples", "16", "--out", "results/push"]) != 0
-        with pytest.raises(CommandError, match="another process searches in"):
+        with pytest.raises(CommandError, match="another process runs a sizing in"):
             SizingFolder(folder, task, (16, 64))
     assert not get(served, "/api/sizing", path="results/push")["searched"]
     with closing(SizingFolder(folder, task, (16, 64))):
