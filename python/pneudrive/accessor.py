@@ -187,7 +187,7 @@ class Pneu:
         if not hasattr(drive, "cylinder"):
             raise CommandError(
                 f'"{drive.name}" is a circuit',
-                rule="strokes are defined for one drive under one command",
+                rule="strokes are defined only for one drive with one command",
                 remedy="run.pneu.info(circuit) has impacts, peak pressures and air.",
             )
         if self._run.attrs.get("description_hash") != drive.description_hash or "command" not in self._run:

@@ -24,7 +24,7 @@ PROTOCOLS = {
     "count, no whole number": (LOOK, "count = 4", "count = 1e9", "speed.count: .* is not a whole number"),
     "count, not a number": (LOOK, "count = 4", "count = nan", "speed.count: nan is not"),
     "range": (LOOK, '"300 mm/s"', '"1e300 mm/s"', "speed.to: .* is out of bounds"),
-    "range of 9,999": (LOOK, "count = 4", "count = 9999", "do not differ within 4 significant digits"),
+    "range of 9,999": (LOOK, "count = 4", "count = 9999", "do not differ in their first 4 significant digits"),
     "infinite": (LOOK, '"300 mm/s"', '"inf mm/s"', "speed.to: .* is not finite"),
     "seed": (LOOK, "seed = 1", "seed = -1", "seed: -1 is out of bounds"),
     "sentinels": (STOPS, "every = 12", "every = 0", "sentinel.every: 0 is out of bounds"),

@@ -52,7 +52,7 @@ def test_ready_protocols_pass_on_the_default_rig_within_a_shift(capsys, name):
 def test_a_protocol_beyond_the_envelope_is_refused_with_the_reason(refusal, tmp_path):
     file = tmp_path / "fast.toml"
     file.write_text('[speed]\nlist = ["100 mm/s", "5 m/s"]\n')
-    told = refusal(["campaign", "plan", file], "ProtocolError", "1 of 2 cycles breaks its limits", "Hint")
+    told = refusal(["campaign", "plan", file], "ProtocolError", "1 of 2 cycles breaks limits of the rig", "Hint")
     assert "b1/sweep/v5000/a0/b0/r1" in told
     assert "5000 mm/s; at most" in told
 

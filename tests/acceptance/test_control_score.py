@@ -402,7 +402,7 @@ def test_a_verdict_says_what_the_model_leaves_out(axis, tmp_path, printed):
     file.write_text(f'drive = "catalogue:reference"\n[flow_control]\na = {{ {needle} }}\nb = {{ {needle} }}\n')
     along = "100 mm; 0.1 s: 400 mm in 1.5 s"
     assert (
-        "not decided: it takes at most 85 % of each limit of a model without flow_control_a, flow_control_b;"
+        "not decided: at most 85 % of each limit of a model without flow_control_a, flow_control_b is needed;"
         in printed(["control", "reference", along, "--drive", file])
     )
     assert run(["control", "reference", along.replace("1.5 s", "0.3 s"), "--drive", str(file)]) == 2

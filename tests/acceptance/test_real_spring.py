@@ -103,7 +103,7 @@ def test_the_interval_of_one_part_contains_the_value_of_the_next(recorded):
 def test_recordings_of_one_machine_that_differ_are_reported(found, recorded):
     (note,) = (note for note in found.notes if "different friction" in note)
     assert "charged and vented" in note
-    assert "does not predict" in note
+    assert "cannot be more accurate" in note
     again = replace(recorded["vented"], name="again", force_n=recorded["vented"].force_n + 1.0)
     same = characterise_recordings([recorded["vented"], again])
     assert not any("different friction" in note for note in same.notes)

@@ -195,7 +195,7 @@ def test_a_client_that_was_asleep_is_told_so():
         rig._link._loop.loop.call_soon_threadsafe(time.sleep, 1.2 * HEARTBEAT_S)  # as a laptop whose lid was shut
         time.sleep(HEARTBEAT_S)
         with pytest.raises(
-            ConnectionLostError, match=r"(?s)during 'move' and is back.*stopped the axis.*without pressure"
+            ConnectionLostError, match=r"(?s)during 'move' and was restored.*stopped the axis.*without pressure"
         ):
             rig.move(0.1, 0.1)
         assert rig.state().pressure_a_pa == pytest.approx(rig.identity().ambient_pressure_pa, abs=SENSOR_PA)

@@ -107,7 +107,7 @@ def test_a_second_client_waits_for_the_end_of_the_first():
         anna._link._loop.loop.call_soon_threadsafe(time.sleep, 1.2)
         until(lambda: not bench.state().moving)
         thread.join()
-        assert "the connection was lost during 'move' and is back" in told[0]
+        assert "the connection was lost during 'move' and was restored" in told[0]
         at_rest(bench)
         anna.set_pressure(1.5e5, 1.5e5)
         anna.close()

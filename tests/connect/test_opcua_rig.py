@@ -171,7 +171,7 @@ def test_closing_an_acquisition_brings_the_axis_to_rest():
         next(parts)
         link = rig._link
         link._loop.loop.call_soon_threadsafe(link._client.disconnect_socket)  # a cable that was pulled, and put back
-        with pytest.raises(ConnectionLostError, match=r"(?s)during the acquisition and is back.*Repeat the cycle"):
+        with pytest.raises(ConnectionLostError, match=r"(?s)during the acquisition and was restored.*Repeat the cycle"):
             for _ in parts:
                 pass
         assert not rig.state().moving
@@ -193,7 +193,7 @@ def test_no_server_and_a_map_that_does_not_fit(served, tmp_path):
         (text.replace("urn:pneudrive:rig", "urn:other"), "no namespace urn:other"),
         (text.replace("done =", "finished ="), r"(?s)answer.finished is not a known key.*nodes.toml:\d+.*Known: done"),
         (text.replace('done = "s=', 'done = "'), "is not a node id"),
-        (text.replace("Samples.{slot}.Time", "Samples.Time"), "only ids of nodes of the ring contain"),
+        (text.replace("Samples.{slot}.Time", "Samples.Time"), "only ids of nodes in the ring contain"),
         (text.replace('"s=State.Force"', '{ node = "s=State.Force", unit = "mm" }'), "state.force: .*is a length"),
         (text.replace('"s=State.Force"', '{ constant = "1 N" }'), "cannot be a constant"),
         (text.replace('heartbeat = "1 s"', 'heartbeat = "1"'), "handshake.heartbeat: .*no unit"),

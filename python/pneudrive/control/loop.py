@@ -129,17 +129,17 @@ class Feasibility(Viewed):
         model = f"{limit} of a model without {', '.join(self.left_out)}" if self.left_out else limit
         beyond = beyond_stroke(self.reference, self.stroke_m)
         if self.is_feasible:
-            verdict = f"yes: it takes at most {limit}"
+            verdict = f"yes: the reference needs at most {limit}"
         elif self.factor == 1.0:
-            verdict = f"not decided: it takes at most {model}; pneudrive control run shows the error with these parts"
+            verdict = f"not decided: at most {model} is needed; pneudrive control run shows the error with these parts"
         elif beyond is not None:
             verdict = f"no: {beyond[0]}; {beyond[1]}"
         elif self.factor is None:
-            verdict = f"no: at any speed, it does not stay within {model}"
+            verdict = f"no: at any speed, the reference needs more than {model}"
         else:
             slower = self.reference.stretched(self.factor)
             as_text = "" if slower.pieces else f", as {slower.text}"  # polynomials have no text
-            slowed = f"slowed by a factor of {rounded_up(self.factor):g}{as_text}, it takes at most {model}"
+            slowed = f"slowed by a factor of {rounded_up(self.factor):g}{as_text}, the reference needs at most {model}"
             verdict = f"no: {slowed}; pneudrive control run shows the error at full speed"
         state = passed if self.factor == 1.0 else "bad"
         findings = [Finding(f"Feasible: {verdict}", state)]

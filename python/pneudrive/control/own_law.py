@@ -19,7 +19,7 @@ from pneudrive.errors import CommandError, OwnLawError, nearest
 
 #: Name of all custom laws in the core.
 OWN = "own"
-_FAILS = 'Correct the law, or let another one take over: [on_fault] law = "inversion" in a controller file.'
+_FAILS = 'Correct the law, or let another law take over: [on_fault] law = "inversion" in a controller file.'
 _RULE = "a law has inputs, a tuple of names, and step(t, sample, preview), which returns the command"
 
 

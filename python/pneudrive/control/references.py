@@ -263,7 +263,7 @@ def beyond_stroke(of: motion.Reference, stroke_m: float) -> tuple[str, str] | No
     reach = of.reach()
     for end in (reach.lowest_m, reach.highest_m):
         if not -ROUNDING_M <= end <= stroke_m + ROUNDING_M:
-            return f"it leads to {1e3 * end:g} mm", f"within the stroke, 0 mm to {1e3 * stroke_m:g} mm"
+            return f"the reference leads to {1e3 * end:g} mm", f"within the stroke, 0 mm to {1e3 * stroke_m:g} mm"
     return None
 
 

@@ -151,7 +151,7 @@ class ControlFault(Described):
         if unit != "-" and self.value is None and self.kind not in MAY_LACK_A_VALUE:
             raise wrong("value", f"a fault of kind {self.kind} needs a value")
         if self.until_s is not None and not self.until_s > self.at_s:
-            raise wrong("until", f"until = {self.until_s:g} s", rule=f"`until` is later than `at`, {self.at_s:g} s")
+            raise wrong("until", f"until = {self.until_s:g} s", rule=f"`until` must be after `at`, {self.at_s:g} s")
         self.core()
         return self
 

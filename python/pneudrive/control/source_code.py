@@ -91,7 +91,7 @@ def export(
     require(tuning, "plant", "tuning", "pn.control.tune(drive)")
     read, called = read_setup(tuning.setup if setup is None else setup)
     if name is not None and to == "fmu":
-        raise CommandError("the files of an FMU cannot have another name", remedy="Leave the name out.")
+        raise CommandError("the files in an FMU have fixed names", remedy="Leave the name out.")
     if name is not None:
         is_reserved = to == "st" and name.upper() in RESERVED
         if is_reserved or not (name.isidentifier() and name.isascii()):
@@ -103,7 +103,7 @@ def export(
     if is_nmpc and along is None:
         raise CommandError.of("control.nmpc_alone")
     if not is_nmpc and along is not None:
-        raise CommandError(f"{to} of {tuning.law} gets the reference as an input", remedy="Leave the reference out.")
+        raise CommandError(f"{tuning.law} as {to} gets the reference as an input", remedy="Leave the reference out.")
     if to == "fmu":
         from pneudrive.fmu.package import check_fmu, write_fmu
 

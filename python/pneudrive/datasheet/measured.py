@@ -65,7 +65,7 @@ def _air(drive: Drive, recording: VolumeRecording) -> Pair:
         ends.append(float(part.mean()))
     before, after = ends
     if after >= before:
-        raise RecordingError("the pressure of the tank does not fall", where=where, rule="the drive must empty it")
+        raise RecordingError("the pressure of the tank does not fall", where=where, rule="the drive empties the tank")
     room, density = drive.ambient.temperature_k, drive.gas.anr_density_kg_m3
     mass = volume * (before - after) / (cycles * drive.gas.gas_constant_j_kg_k * room)
     fed = HeldDrive(drive.replace({"supply.pressure": f"{0.5 * (before + after)!r} Pa abs"}))

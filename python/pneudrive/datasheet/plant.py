@@ -499,7 +499,7 @@ def actuation_of(circuit: Circuit) -> Actuation:
     kinds = {name: circuit.components[name].kind for name in circuit.commandable}
     others = [name for name, kind in kinds.items() if not kind.startswith("valve/") and kind != LOCK]
     if others or len(kinds) > MOST_VALVES:
-        what = f"{others[0]} takes a command, but is not a valve" if others else f"it has {len(kinds)} valves"
+        what = f"{others[0]} takes a command, but is not a valve" if others else f"there are {len(kinds)} valves"
         rule = f"a characteristic needs one piston and 1 to {MOST_VALVES} valves"
         raise CommandError(f"{circuit.name}: {what}", rule=rule)
     positions = {name: positions_of(kind, circuit.components[name].plain()) for name, kind in kinds.items()}

@@ -189,7 +189,7 @@ class EachChamber(Quantity):
         if isinstance(given, PerChamber):
             given = self.show(given)
         if not isinstance(given, dict) or given.keys() != {"a", "b"}:
-            raise DescriptionError(f"{given!r} is not one value for each chamber", remedy="Write { a = ..., b = ... }.")
+            raise DescriptionError(f"{given!r} needs a value for each chamber", remedy="Write { a = ..., b = ... }.")
         return PerChamber(*(self.each.read_at(chamber, given[chamber]) for chamber in "ab"))
 
     def show(self, value: PerChamber) -> dict[str, str]:  # type: ignore[override]
@@ -464,7 +464,7 @@ class PointRows(Quantity):
             if not set(self.needed) <= set(table) <= known:
                 free = len(self.needed) < len(self.columns)
                 rest = f"; only {' and '.join(self.needed)} must be given" if free else ""
-                raise DescriptionError(f"point {number} = {dict(table)!r}", rule=f"a point is {example}{rest}")
+                raise DescriptionError(f"point {number} = {dict(table)!r}", rule=f"form of a point: {example}{rest}")
             row: list[Any] = []
             for key, mark, default in self.columns:
                 with naming(f"{key} of point {number}", kind=DescriptionError):

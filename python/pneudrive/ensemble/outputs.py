@@ -129,7 +129,7 @@ def member_plans(command: Any, duration: Any, commandable: Mapping[str, CommandI
     if isinstance(command, list | tuple) and command and all(isinstance(one, Mapping) for one in command):
         each = [dict(_member(place, commands.plans, one, commandable)) for place, one in enumerate(command)]
         if any(set(one) != set(each[0]) for one in each):
-            raise CommandError("the members have commands of different components", rule="the same ones in each member")
+            raise CommandError("the members have commands of different components", rule="all need the same components")
         rows = {name: [one[name] for one in each] for name in each[0]}
     elif isinstance(command, Mapping):
         for name, given in command.items():
@@ -149,7 +149,7 @@ def member_plans(command: Any, duration: Any, commandable: Mapping[str, CommandI
     elif np.ndim(duration) == 1 and len(duration):
         durations = [positive(one, "s", f"duration of member {place}") for place, one in enumerate(duration)]
     else:
-        rule = "one for all members, or one for each"
+        rule = "one duration for all members, or one for each member"
         raise CommandError(f"duration has the shape {np.shape(duration)}", rule=rule)
     return MemberPlans({commands.input_of(name): each for name, each in rows.items()}, np.array(durations))
 
@@ -211,7 +211,7 @@ def parted_starts(given: Any) -> tuple[Any, dict[str, list[Any]]]:  # noqa: ANN4
         return given, {}
     each = [start_table(one) for one in given]
     if not each or not each[0] or any(set(one) != set(each[0]) for one in each):
-        raise CommandError("the start states of the members have different keys", rule="the same keys in each")
+        raise CommandError("the start states of the members have different keys", rule="all members need the same keys")
     return None, {key: [one[key] for one in each] for key in each[0]}
 
 
@@ -511,5 +511,5 @@ def reductions(asked: Sequence[str | Output] | None, signals: SignalNames) -> tu
     if not made:
         raise CommandError("outputs is empty", remedy='Name an output, for instance "final(position)".')
     if len({one.rate_hz for one in made if one.word == "samples"}) > 1:
-        raise CommandError("outputs: samples have several rates", rule="all samples(...) need the same rate")
+        raise CommandError("outputs: samples(...) have different rates", rule="all samples(...) need the same rate")
     return made

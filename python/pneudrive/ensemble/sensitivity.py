@@ -108,7 +108,7 @@ def sensitivity(
     rows = study.rows
     if rows.quantiles is None or design.correlation or design.fit is not None:
         rule = "one distribution for each number, without correlations"
-        raise CommandError("vary is not valid for a sensitivity", rule=rule, remedy='Write "normal(30 N, 10 %)".')
+        raise CommandError("vary is not valid for a sensitivity study", rule=rule, remedy='Write "normal(30 N, 10 %)".')
     sampled = [output.name for output in study.outputs if output.word == "samples"]
     if sampled:
         raise CommandError(f"outputs: {sampled[0]} is sampled", rule="each output is one number")

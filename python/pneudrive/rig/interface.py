@@ -483,7 +483,7 @@ def read_table(
     if why in WORDS["faults"]:
         known = fields(ForceCalibration if "force_calibration" in first["loc"] else cls)  # type: ignore[arg-type]
         keys = f"keys: {', '.join(field.name for field in known)}"
-        rule = "a step has to_m and speed_m_s, or duration_s" if "steps" in first["loc"] else keys
+        rule = "a step needs either to_m and speed_m_s, or duration_s" if "steps" in first["loc"] else keys
         raise kind(f"{key} {WORDS['faults'][why]}", where=where, rule=rule)
     words = str(cause) or f"the value is {WORDS['rules'].get(why, 'of another type')}"
     raise kind(f"{key} = {first['input']!r:.80}", where=where, rule=words)

@@ -67,8 +67,8 @@ class PressureDelay:
 
     def __str__(self) -> str:
         """Return a sentence with the delay."""
-        words = "after" if self.value_s >= 0.0 else "before"
-        return f"the pressures come {abs(self.value_s):.3f} ± {self.half_width_s:.3f} s {words} the position"
+        words = "lag behind" if self.value_s >= 0.0 else "lead"
+        return f"the pressures {words} the position by {abs(self.value_s):.3f} ± {self.half_width_s:.3f} s"
 
 
 def pressure_delay(recording: Recording) -> PressureDelay | None:

@@ -152,8 +152,8 @@ def _mechanical_limits(circuit: Circuit, columns: Keyed) -> Iterator[str]:
         if rows.size:
             pose = pose_text(platform, angles(platform, q)[rows[0]])
             yield (
-                f"{platform.name} passes a singular pose at {columns['time_s'][rows[0]]:.4g} s, near {pose}: its legs "
-                "do not hold it there, and a real platform may continue in another way. Keep away from this pose, or "
+                f"{platform.name} passes a singular pose at {columns['time_s'][rows[0]]:.4g} s, near {pose}: the legs "
+                "do not hold the platform there, and a real platform may deviate. Keep away from this pose, or "
                 "move the joints"
             )
 

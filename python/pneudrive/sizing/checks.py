@@ -363,7 +363,7 @@ def _hanging_load(choice: DriveChoice, task: SizingTask) -> MachineCheck:
         holds = numbers["friction.parameters.coulomb"] * task.spread.friction[0]
         is_assumed = any(key.startswith(("friction.coulomb", "friction.pressure")) for key in choice.cylinder.assumed)
         if holds >= hangs and (is_assumed or "pressure" not in choice.cylinder.table["friction"]):
-            holds, rule = None, f"{rule}, and no measurement says how much of it remains without pressure"
+            holds, rule = None, f"{rule}, and no measurement shows how much friction remains without pressure"
     remedies = (
         f'a clamp: held_by = "clamp", clamp_force = "{math.ceil(hangs)} N" or more',
         'held_by = "machine", if a lock or brake holds the load, or the external force ends with the pressure',

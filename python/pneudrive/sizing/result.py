@@ -193,7 +193,7 @@ class SizingResult(Viewed):
     def state(self) -> str:
         """Whether the task is feasible and the best drive ready, in words."""
         if not self.feasible and not self.complete:
-            return "not decided: the search ended before all choices were looked at"
+            return "not decided: the search ended before all choices were examined"
         if not self.feasible or self.ready:
             return f"feasible = {str(self.feasible).lower()}, ready = {str(self.ready).lower()}"
         return f"feasible = true, but ready = false (open checks: {len(self.open_checks)})"
@@ -251,7 +251,7 @@ class SizingResult(Viewed):
                 f"margin {three(100.0 * drive.margin)} %{f' of {drive.limit}' if drive.limit else ''}"
                 f"{', which tuned settings may meet' if drive.margin < 0.0 else ''}."
             )
-        return f"Nothing {'in the catalogue' if self.complete else 'that was looked at'} meets the task."
+        return f"Nothing {'in the catalogue' if self.complete else 'that was examined'} meets the task."
 
     @property
     def findings(self) -> list[Finding]:

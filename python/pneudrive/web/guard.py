@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 TOKEN_BYTES = 24  # 192 bits
 MOST_BODY = 1 << 20  # bytes
-TOO_LONG = f"more than {MOST_BODY} bytes are too many for the page: open a file of that size in an editor"
+TOO_LONG = f"the page cannot open more than {MOST_BODY} bytes: open a file of that size in an editor"
 MOST_SOCKETS = 8
 PROTOCOL = "pneudrive"  # subprotocol of the socket; a second subprotocol carries the token
 TOKEN_PROTOCOL = "token."

@@ -127,7 +127,7 @@ def test_all_violations_are_counted(planned):
     with pytest.raises(ProtocolError) as caught:
         planned(text, {"speed_m_s": 0.3})
     message = str(caught.value)
-    assert "3 of 4 cycles break its limits" in message
+    assert "3 of 4 cycles break limits of the rig" in message
     assert "speed: cycle b1/sweep/v500/a1/b1/r1" in message
     assert "pressure: cycle b1/sweep/v10/a9/b9/r1: 10 bar abs in chamber a" in message
     assert message.count("(2 cycles)") == 2
@@ -136,10 +136,10 @@ def test_all_violations_are_counted(planned):
 NOTES = {
     "burst_rate is 1000 Hz": '[sampling]\nburst_rate = "1 kHz"\n',
     "5000 samples per stroke give 17 samples per second": "",
-    "more than the 5 % that the means leave out": '[speed]\nlist = "500 mm/s"\n',
+    "but the means leave out only 5 %": '[speed]\nlist = "500 mm/s"\n',
     "repeatability cannot be determined": "",
     "cannot be separated from an offset": 'directions = "+x"\n',
-    "separated from that of a new set-up": '[mounting]\nlevels = ["a", "b"]\n',
+    "separated from the effect of a new set-up": '[mounting]\nlevels = ["a", "b"]\n',
     "recovery after a stop has no reference": '[stop]\ndurations = "1 s"\nreference_strokes = 0\n',
     "raise conditions.supply_pressure": BOTH + '[conditions]\nsupply_pressure = "1 bar gauge"\n',
     "more than limits.time = 0.0833 h": '[limits]\ntime = "5 min"\n',
@@ -164,6 +164,6 @@ def test_repeats_are_checked_once_and_all_counted(planned, monkeypatch):
     planned("repeats = 50\n" + SWEEP)
     assert len(checked) == 2
     with pytest.raises(
-        ProtocolError, match=r"50 of 100 cycles break its limits[^$]*v500[^$]*at most 400 mm/s \(50 cycles\)"
+        ProtocolError, match=r"50 of 100 cycles break limits of the rig[^$]*v500[^$]*at most 400 mm/s \(50 cycles\)"
     ):
         planned("repeats = 50\n" + SWEEP, {"speed_m_s": 0.4})

@@ -40,7 +40,7 @@ GOOD = (Path(__file__).parents[2] / "data" / "good_protocol.toml").read_text("ut
 WRONG = [
     ("[speed]", "[sped]", 4, "sped is not a known key", "Did you mean 'speed'?"),
     ("count = 20", "", 4, "speed.count is missing", "either list, or from, to and count"),
-    ("count = 20", 'count = 20\nlist = "1 mm/s"', 5, "speed.list and speed.from exclude each other", ""),
+    ("count = 20", 'count = 20\nlist = "1 mm/s"', 5, "speed.list and speed.from cannot be given together", ""),
     ('"450 mm/s"', '"0.45"', 6, '"0.45" has no unit', "20 mm/s"),
     ('"450 mm/s"', '"0.5 mm/s"', 6, "the range is empty", "`from` must lie below `to`"),
     ('"1 mm/s"', '"0 mm/s"', 5, '"0 mm/s" is out of bounds', "greater than 0 m/s"),

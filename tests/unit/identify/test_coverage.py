@@ -106,7 +106,7 @@ def test_what_is_identified_may_be_any_value_of_a_drive(drive):
 @pytest.mark.parametrize(
     ("table", "message"),
     [
-        ({"friction.colomb": {"interval": ["1 N", "2 N"], "source": "x"}}, "names no value of this drive"),
+        ({"friction.colomb": {"interval": ["1 N", "2 N"], "source": "x"}}, "does not name a value of this drive"),
         ({"friction.coulomb": {"interval": ["1 N"], "source": "x"}}, "is not an interval"),
         ({"friction.coulomb": {"interval": ["1 mm", "2 mm"], "source": "x"}}, 'unit "mm" is a length'),
         ({"friction.coulomb": {"interval": ["1 N", "99 N"]}}, "source is missing"),

@@ -66,7 +66,7 @@ def test_a_dependence_that_is_no_straight_line_is_found(make_map, form, tmp_path
     again = FrictionFit.from_toml(tmp_path / "fit.toml")
     at = (np.array([0.01, 0.1]), 3e5, 5e5)
     np.testing.assert_allclose(again.predict(*at).upper_n, fit.predict(*at).upper_n, rtol=1e-12)
-    with pytest.raises(FitError, match="linear in the chamber pressures"):
+    with pytest.raises(FitError, match="linearly on the chamber pressures"):
         fit.apply(Drive.load("catalogue:reference"))
 
 

@@ -329,7 +329,7 @@ def test_speed_and_pressure_that_change_together_are_named(make_map, friction_of
 
 def test_friction_that_falls_between_two_speeds_is_no_viscous_part(make_map, friction_of):
     fit = fit_friction(make_map([0.005, 0.015], friction_of([0.005, 0.015]), 0.01))
-    assert "between 5 mm/s and 15 mm/s, unlike a viscous part" in lost(fit)["viscous"].reason
+    assert "between 5 mm/s and 15 mm/s, but viscous friction would rise" in lost(fit)["viscous"].reason
     assert "below 5 mm/s and above 45 mm/s" in lost(fit)["viscous"].remedy
     assert fit.determined == ("coulomb",)
     low, high = fit.intervals["coulomb"]

@@ -58,14 +58,14 @@ CASES = {
         "[components.tripod]",
         [
             "the arm of leg_1 does not reach tripod from leg_1.position = 100 mm",
-            "the arm reaches from",
+            "the arm must reach from",
             "Lengthen the arms",
         ],
     ),
     "delta far away": (
         DELTA + 'tripod.x = "400 mm"\n',
         "tripod.x = ",
-        ["the arm of leg_1 does not reach the pose x = 400 mm", "the arm reaches from", "nearer to mid stroke"],
+        ["the arm of leg_1 does not reach the pose x = 400 mm", "the arm must reach from", "nearer to mid stroke"],
     ),
     "singular start": (
         EXAMPLE.replace('length = "350 mm"', 'length = "50 mm"')

@@ -106,7 +106,7 @@ def test_a_delay_that_closed_chambers_show_is_removed():
     before, after = (characterise_recordings(one) for one in (charged, replace(charged, **late)))
     moved = after.results[0].delay.value_s - before.results[0].delay.value_s
     assert moved == pytest.approx(0.3, abs=0.01)
-    assert f"{after.results[0].delay}, as its closed chambers show; this delay is removed" in " ".join(after.notes)
+    assert f"{after.results[0].delay}. The closed chambers show this delay. It is removed" in " ".join(after.notes)
     assert not any("delay" in note for note in before.notes)
     for first, second in zip(before.levels, after.levels, strict=True):
         assert second.friction_n == pytest.approx(first.friction_n, rel=0.05)

@@ -164,7 +164,7 @@ def draft(protocol: Protocol, identity: Identity, envelope: Envelope) -> Plan:
     times = Counter(cycle.key.rpartition("/")[0] for cycle in plan.cycles if cycle.kind in POINTS)
     for point, repeats in times.items():
         if repeats > protocol.repeats:
-            rule = "levels must differ within 6 significant digits"
+            rule = "levels must differ in their first 6 significant digits"
             raise ProtocolError(f"two cycles have the key {point}/r1", where=protocol.origin, rule=rule)
     return plan
 

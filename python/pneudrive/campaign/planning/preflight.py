@@ -183,7 +183,7 @@ def check(plan: Plan) -> tuple[str, ...]:
         remedies.append(remedy)
     raise ProtocolError(
         f'the rig "{plan.identity.name}" cannot run this protocol:  '
-        f"{count} of {_cycles(len(plan.cycles))} {'breaks' if count == 1 else 'break'} its limits",
+        f"{count} of {_cycles(len(plan.cycles))} {'breaks' if count == 1 else 'break'} limits of the rig",
         where=plan.protocol.origin,
         value="\n    ".join(lines),
         rule="the rig's envelope, tightened by [limits]",

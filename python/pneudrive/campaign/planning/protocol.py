@@ -230,7 +230,7 @@ def spaced(low: float, high: float, count: int, spacing: str, mark: Quantity) ->
         inner.append(units.parse(f"{(value - offset) / factor:.{DIGITS}g} {unit}", mark.si_unit))
     out = (low, *inner, high)
     if any(not a < b for a, b in pairwise(out)):
-        what = f"{count} levels do not differ within {DIGITS} significant digits"
+        what = f"{count} levels do not differ in their first {DIGITS} significant digits"
         raise DescriptionError(what, remedy="Lower the count.")
     return out
 
@@ -285,7 +285,7 @@ class Speeds(ProtocolTable):
         stated = [name for name, value in ends.items() if value is not None]
         if self.list_m_s is not None:
             if stated:
-                raise wrong(f"speed.{stated[0]}", f"speed.list and speed.{stated[0]} exclude each other")
+                raise wrong(f"speed.{stated[0]}", f"speed.list and speed.{stated[0]} cannot be given together")
             return self
         missing = [name for name in ends if name not in stated]
         if missing:

@@ -203,7 +203,7 @@ def as_plain(memory: Plain) -> Plain:
         raise RigError(
             "the saved state of the rig cannot be stored",
             value=str(error),
-            rule="it must be plain data that JSON supports",
+            rule="a saved state must be plain data that JSON supports",
         ) from None
 
 

@@ -156,7 +156,7 @@ def check_path(platform: Platform, tunings: list[Tuning], needs: Demands) -> Pla
                 at = int(np.argmin(margins))
                 where = f"{values[at]:.4g} {unit} at t = {needs.times_s[at]:.4g} s"
                 outside, rule = f"{-margins[at]:.3g} {unit} outside", f"{least:.4g} {unit} to {largest:.4g} {unit}"
-                said = f"the path requires of {name} a {what} of {where}"
+                said = f"the path requires a {what} of {where} from {name}"
                 raise CommandError(said, value=outside, rule=rule, remedy=remedy)
         most["speed_share"] = max(most["speed_share"], float(speed_shares(v, (out, back)).max()))
         most["force_share"] = max(most["force_share"], float(np.maximum(force / high, force / low).max()))

@@ -199,7 +199,7 @@ def _line(given: object, unit: str, home: float) -> CoordinatePath:
         text, period = text[: every.start()], units.parse(every[1], "s")
     read = moves_of_text(text, unit)
     if every is not None and not any(move.end_s <= period and move.to_m == read.start_m for move in read.moves[-1:]):
-        raise DescriptionError(f'"{given}" cannot be repeated', rule="moves end at the start, within the period")
+        raise DescriptionError(f'"{given}" cannot be repeated', rule="moves must end at the start, within the period")
     return CoordinatePath("moves", read.start_m, period, read.moves)
 
 

@@ -113,7 +113,7 @@ def check(drive: Described, origins: Mapping[str, Origin]) -> None:
     for key, origin in origins.items():
         full = f"provenance.{key}"
         if key not in known:
-            raise wrong(full, f'[provenance."{key}"] names no value of this drive', remedy=nearest(key, known))
+            raise wrong(full, f'[provenance."{key}"] does not name a value of this drive', remedy=nearest(key, known))
         try:
             low, high = origin.bounds_si(known[key].mark)
         except (DescriptionError, ValueError) as error:

@@ -165,7 +165,7 @@ def compare_curves(
     cycles, points, left_out = _common_points((first, second))
     m, parts = points.height, cycles.partition_by("campaign")
     if not m:
-        return "no speed at the same pressures was run in both campaigns"
+        return "no speed was measured at the same pressures in both campaigns"
     if min(part.height for part in parts) < FEWEST_CYCLES // 2 or cycles.height < FEWEST_CYCLES:
         return "too few cycles at common speeds and pressures"
     table, blocks = _condensed(cycles)
@@ -349,7 +349,7 @@ class Comparison(Viewed):
         what = ", ".join(dict.fromkeys(test.what for test in self.tests if test.different))
         text = f"The campaigns differ by more than their cycles scatter: {what}."
         if self.curves is not None and not self.curves.several_blocks:
-            text += " With a single block in a campaign this may be the mounting or the day."
+            text += " If a campaign has a single block, the cause may be the mounting or the day."
         return text
 
 

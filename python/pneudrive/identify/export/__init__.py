@@ -262,7 +262,7 @@ class Exported(Shown):
                 f"greatest deviation from pneudrive's curve (law {curve.law}, {curve.shape}): {self.worst_n:.3g} N at "
                 f"{worst:.4g} mm/s, {self.worst_percent:.3g} % of friction at most"
             )
-        where = f"holds from {low:.4g} to {high:.4g} mm/s; outside it is extrapolated"
+        where = f"valid from {low:.4g} to {high:.4g} mm/s; extrapolated outside this range"
         return [where, said, *(f"lost: {text}" for text in self.lost)]
 
     def write(self, path: str | Path) -> Path:

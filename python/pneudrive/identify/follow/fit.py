@@ -164,7 +164,7 @@ class Rival:
     def verdict(self) -> str:
         """Conclusion in words."""
         if self.name == "held":
-            return f"sum of squares {self.gain:.2f} times that with free start and delay"
+            return f"sum of squares {self.gain:.2f} times that of the fit with free start and delay"
         if not self.predictions:
             return f"not determined; the sum of squares changes to {100 * self.gain:.0f} %"
         shown = ", ".join(f"{100 * p:.0f} %" for p in self.predictions)

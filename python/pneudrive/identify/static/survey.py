@@ -248,7 +248,7 @@ def survey_values(
         value, jac = fit.model.value_and_jacobian(theta, data)
         if not (value > 0.0).all():
             unused[name] = (
-                "left out: its fitted friction is not positive in all rows, and the scatter is relative to it"
+                "left out: the fitted friction, to which the scatter is relative, is not positive in all rows"
             )
             continue
         run = tuple(runs[name]) if runs else ("",) * len(data)

@@ -209,7 +209,7 @@ def _node(name: str, given: object) -> Node:
         return Node(kind, kind.type, constant=value)
     node_type = table.get("type", kind.type)
     if node_type not in TYPES[kind.type]:
-        raise DescriptionError(f"type = {node_type!r} is not possible", rule=f"one of {', '.join(TYPES[kind.type])}")
+        raise DescriptionError(f"type = {node_type!r} is not supported", rule=f"one of {', '.join(TYPES[kind.type])}")
     return Node(kind, node_type, _node_id(name, table["node"]), None, *_scale(kind, table))
 
 
@@ -232,7 +232,7 @@ def _node_id(name: str, text: object) -> str:
         rule = '"ns=4;s=NAME", "ns=4;i=NUMBER", or "s=NAME" in the namespace'
         raise DescriptionError(f"{text!r} is not a node id", rule=rule)
     if ("{slot}" in text) != (name in IN_RING):
-        raise DescriptionError(f"id {text!r} is not possible", rule="only ids of nodes of the ring contain {slot}")
+        raise DescriptionError(f"id {text!r} is not allowed", rule="only ids of nodes in the ring contain {slot}")
     return text
 
 
