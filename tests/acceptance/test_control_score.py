@@ -461,7 +461,7 @@ def test_what_a_verdict_advises_is_feasible(tmp_path, capsys):
 
 SPREADS = {
     "both": (["--spread", "standard", "--mismatch", "all"], "a spread and a mismatch cannot be given"),
-    "members": (["--members", "3"], "members = 3 without a spread"),
+    "members": (["--members", "3"], "members = 3 needs a spread"),
     "a range as a mismatch": (["--mismatch", "standard"], "is a spread"),
     "unknown": (["--spread", "standards"], "'standard'"),
     "file": (["--spread", "given.toml"], "LOW .. HIGH"),

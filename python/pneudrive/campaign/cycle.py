@@ -153,7 +153,7 @@ def read_head(text: str, where: str, index: int | None = None, key: str = "") ->
         cycle: Cycle = data["cycle"]
         for name in ("key", *REQUIRED_FOR.get(cycle.kind, ())):
             if getattr(cycle, name) in (None, ""):
-                raise CampaignError(f"cycle.{name} is missing", where=where, rule="this kind of cycle needs it")
+                raise CampaignError(f"cycle.{name} is missing", where=where, rule="cycles of this kind need this key")
         if cycle.kind not in KINDS:
             remedy = nearest(cycle.kind, KINDS)
             raise CampaignError(f"cycle.kind = {cycle.kind!r} is not known", where=where, remedy=remedy)

@@ -185,7 +185,7 @@ def benchmark(
     Options
     -------
     out
-        Folder for scores, runs and report; a started one is resumed.
+        Folder for scores, runs and report; an unfinished comparison in this folder is resumed.
     laws : all|A,B
         all, or names, controller files and your own code (mine.py:Law), separated by commas.
     references : standard|REF,...
@@ -223,7 +223,7 @@ def benchmark(
 
 
 def reference(along: str, *, drive: str, plot: Path | None = None) -> None:
-    """Check a reference against a drive: stroke, fractions of opening, force and speed used, and necessary slowdown.
+    """Check a reference against a drive: stroke, used fractions of opening, force and speed, necessary slowdown.
 
     Options
     -------

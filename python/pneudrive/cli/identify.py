@@ -287,7 +287,7 @@ def apply(fit: Path, drive: str | None = None, *, out: Path | None = None) -> No
     if isinstance(found, follow.FollowFit) and drive is None:
         described = found.apply()
     elif isinstance(found, follow.FollowFit | volume.RegulatorFit):
-        raise CommandError(f"the values of a {found.TITLE} do not belong to a drive", where=fit)
+        raise CommandError(f"the values of a {found.TITLE} cannot be written into a drive", where=fit)
     elif drive is not None:
         target: Any = pn.Tank.load(drive) if isinstance(found, volume.VolumeFit) else load.load_described(drive)
         described = found.apply(target)

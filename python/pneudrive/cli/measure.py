@@ -97,9 +97,9 @@ def characterise(
 ) -> None:
     """Determine friction with its uncertainty from recordings or a campaign.
 
-    The files are map.parquet, map.csv, fit.toml and report.html.
+    The output files are map.parquet, map.csv, fit.toml and report.html.
 
-    Also writes curves.parquet, effects.toml, and statements on the data.
+    If curves can be determined, curves.parquet and effects.toml are also written, and statements are printed.
     Each seal and mounting has its own curves and fit.
 
     Options

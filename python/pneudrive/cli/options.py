@@ -167,6 +167,6 @@ def sensor_options(texts: Iterable[str] | None) -> dict[str, dict[str, str]]:
         channel, colon, rest = text.partition(":")
         entries = pairs_in("--sensor", names_in(rest), "noise = 2 um")
         if not colon or not entries:
-            raise CommandError(f'--sensor "{text}" has no key = value', remedy='For instance "position: noise = 2 um".')
+            raise CommandError(f'--sensor "{text}" lacks key = value', remedy='For instance "position: noise = 2 um".')
         sensors[channel.strip()] = entries
     return sensors

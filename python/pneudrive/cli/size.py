@@ -35,19 +35,19 @@ def size(
     max_candidates: int = 160,
     samples: int = 256,
 ) -> None:
-    """Find the drives of the catalogue that do a task.
+    """Find the drives of the catalogue that meet a task.
 
     Candidates are simulated over given spreads and ranked by air and margin.
 
     A provisional answer by nominal runs comes first. Ctrl-C ends the search and keeps its results; the same command
-    with --out continues. If no drive does the task, the nearest feasible value of each quantity is shown.
+    with --out continues. If no drive meets the task, the nearest feasible value of each quantity is shown.
 
     Options
     -------
     task : TASK
         Task file (TOML).
     out : DIR
-        Folder for report, ranking and circuit files of the ten best and of each cylinder; a search in it is resumed.
+        Folder for report, ranking and circuit files (ten best, and each cylinder); an unfinished search is resumed.
     max_candidates : N
         Largest number of choices of parts that are tuned.
     samples
@@ -138,7 +138,7 @@ def characteristic(
         default, _ = kind.settings.get(key, (None, ""))
         is_list = isinstance(default, tuple) or (default is None and key.endswith("s"))
         if len(values) > 1 and not is_list:
-            raise CommandError(f"{key} = {text} has several values", rule=f"{kind.name} takes one {key}")
+            raise CommandError(f"{key} = {text} has several values", rule=f"{kind.name} accepts only one {key}")
         settings[key] = values if is_list else values[0]
     found = registry.UncertainDrive(load.load_described(drive)).characteristic(name, watch(), **settings)
     show_view(sheet_page.characteristic_view(found))

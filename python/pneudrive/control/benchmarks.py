@@ -535,7 +535,7 @@ def benchmark(
     if spread is not None and mismatch is not None:
         raise CommandError.of("control.spread_and_mismatch")
     if spread is None and members is not None:
-        raise CommandError(f"members = {members} without a spread", remedy='Give a spread, for instance "standard".')
+        raise CommandError(f"members = {members} needs a spread", remedy='Give a spread, for instance "standard".')
     folder = Path(out)
     given = ("seeds", seeds) if spread is None else ("members", MEMBERS if members is None else members)
     count = whole_number(*given, 1, MOST_SEEDS)

@@ -83,7 +83,7 @@ class ReferenceFile(Described):
         if not self.points and self.start_m is None:
             raise wrong("start", "start is missing", remedy='For instance start = "220 mm".')
         if len(self.points) == 1:
-            raise wrong("points", "there is one point", rule="at least two points")
+            raise wrong("points", "there is only one point", rule="a reference needs at least two points")
         for number, (before, after) in enumerate(pairwise(self.points), start=1):
             if not after.at_s > before.at_s:
                 raise wrong(f"points.{number}.at", f"{after.at_s:g} s follows {before.at_s:g} s", rule="times increase")

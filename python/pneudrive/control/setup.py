@@ -144,10 +144,10 @@ class ControlFault(Described):
         unit = FAULTS[self.kind][1]
         acts_on_channel = unit == "channel" or self.kind in ("stuck", "nan")
         if acts_on_channel != (self.channel is not None):
-            what = f"a fault of kind {self.kind} {'needs a' if acts_on_channel else 'has no'} channel"
+            what = f"a fault of kind {self.kind} {'needs a' if acts_on_channel else 'does not accept a'} channel"
             raise wrong("channel", what, remedy=f"Give one of {', '.join(CHANNEL_UNITS)}." if acts_on_channel else "")
         if unit == "-" and self.value is not None:
-            raise wrong("value", f"a fault of kind {self.kind} has no value")
+            raise wrong("value", f"a fault of kind {self.kind} does not accept a value")
         if unit != "-" and self.value is None and self.kind not in MAY_LACK_A_VALUE:
             raise wrong("value", f"a fault of kind {self.kind} needs a value")
         if self.until_s is not None and not self.until_s > self.at_s:

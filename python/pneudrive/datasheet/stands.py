@@ -257,6 +257,6 @@ def _published(plant: HeldDrive) -> Found:
                 value = units.parse(printed, unit) if unit else units.parse_pressure(printed).value_pa
                 rows.append((title, value, compute(drive)))
     if not rows:
-        raise CommandError(f"{plant.name} has no part of the catalogue with a printed figure")
+        raise CommandError(f"the catalogue has no printed figure of a part of {plant.name}")
     titles, printed, computed = zip(*rows, strict=True)
     return titles, printed, computed, np.array(computed) / printed - 1.0

@@ -219,7 +219,7 @@ def grid(*values: Any) -> GridAxis:  # noqa: ANN401 - quantities or numbers
             raise CommandError.of("ensemble.grid", text=values[0])
         return GridAxis((low.strip(), high.strip()), count)
     if not values:
-        raise CommandError("a grid has no value", remedy='Write grid("20 mm", "25 mm") or grid("20 mm .. 32 mm", 7).')
+        raise CommandError("the grid is empty", remedy='Write grid("20 mm", "25 mm") or grid("20 mm .. 32 mm", 7).')
     return GridAxis(values)
 
 
@@ -503,7 +503,7 @@ class EnsembleDesign(Shown):
                 raise CommandError(f"the fit has no covariance of {name}", remedy=nearest(name, determined))
         determined = [name for name in determined if names is None or name in names]
         if not determined or not fit.covariance.size:
-            raise CommandError("this fit has no covariance for any value that its data determine")
+            raise CommandError("this fit has no covariance of the determined values")
         return cls("sobol", dict.fromkeys(determined, "as the fit"), n, seed, fit=fit)
 
     @property
@@ -536,7 +536,7 @@ class EnsembleDesign(Shown):
                 what = f"the columns of vary have unequal lengths ({said})"
                 raise CommandError(what, rule="one value for each member")
             if not all(lengths.values()):
-                raise CommandError("vary has no member", rule="at least one value of each number")
+                raise CommandError("vary gives no members", rule="at least one value of each number")
             return Rows.table(list(columns), np.column_stack(list(columns.values())))
         if self.method == "grid":
             return Rows.grid({name: axis.in_si(variation.reader(name).value) for name, axis in self.each.items()})
@@ -578,7 +578,7 @@ class EnsembleDesign(Shown):
             i, j = (names.index(name) for name in pair)
             matrix[i, j] = matrix[j, i] = value
         if np.linalg.eigvalsh(matrix)[0] <= 0.0:
-            raise CommandError("the correlations contradict each other", rule="their matrix must be positive definite")
+            raise CommandError("the correlations contradict each other", rule="the matrix must be positive definite")
 
         def values(cube: Array) -> Array:
             if self.correlation:

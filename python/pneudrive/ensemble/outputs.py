@@ -170,7 +170,7 @@ def read_rows(given: Any, signal: CommandInput) -> EachSteps:  # noqa: ANN401
     [((0.0,), (0.5,)), ((0.0, 0.02), (1.0, -1.0))]
     """
     if callable(given):
-        raise CommandError("a function cannot command many members", remedy="Give pairs (time, command).")
+        raise CommandError("a function cannot command several members", remedy="Give pairs (time, command).")
     if not _is_many(given):
         return [commands.steps(given, None, signal)]
     return [_member(place, commands.steps, one, None, signal) for place, one in enumerate(given)]

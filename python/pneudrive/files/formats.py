@@ -118,7 +118,7 @@ def open_mf4(path: Path) -> Opened:
     def get(wanted: list[str], _: frozenset[str]) -> Columns:
         chosen = [name for name in wanted if name != "time"]
         if not chosen:
-            raise RecordingError("the layout names no channel except the time")
+            raise RecordingError("the layout names only the column of the time")
         at = {name: places[name] for name in chosen}
         signals = {name: data.get(channel, group=group, index=index) for name, (channel, group, index) in at.items()}
         times = {name: signal.timestamps for name, signal in signals.items()}

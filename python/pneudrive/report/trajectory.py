@@ -78,7 +78,7 @@ def over_time(run: xr.Dataset, most: int = 20_000) -> Figure:
     """Draw one panel for each kind of variable, on one time axis, from at most `most` samples."""
     check_si(run)
     if "time" not in run.coords:
-        raise CommandError("this is not the dataset of a run", rule="with a coordinate time, as pn.simulate returns it")
+        raise CommandError("this is not the dataset of a run", rule="a dataset as pn.simulate returns it, with time")
     part = thin(run.time, most)
     time, panels = run.time.values[part], []
     for label, last, unit in Topic("trajectory", "run").texts["panels"]:

@@ -79,12 +79,12 @@ def steps(command: Command, times: Sequence[float] | None = None, signal: Comman
             raise CommandError.of("simulation.command-entry", where=where, **entry) from None
         at, value = _entry(time, value, where, signal)
         if not pairs and at != 0.0:
-            raise CommandError(f"the command begins at {at:g} s", where=where, rule="the first entry is at 0 s")
+            raise CommandError(f"the command begins at {at:g} s", where=where, rule="the first entry must be at 0 s")
         if pairs and not at > (before := pairs[-1][0]):
-            raise CommandError(f"{at:g} s follows {before:g} s in the command", where=where, rule="times increase")
+            raise CommandError(f"in the command, {at:g} s follows {before:g} s", where=where, rule="times must rise")
         pairs.append((at, value))
     if not pairs:
-        raise CommandError("the command is empty", rule="the first entry is at 0 s")
+        raise CommandError("the command is empty", rule="the first entry must be at 0 s")
     return tuple(at for at, _ in pairs), tuple(value for _, value in pairs)
 
 
@@ -232,7 +232,7 @@ def _lines(path: Path) -> list[tuple[str, list[str]]]:
     if [name.strip().strip('"') for name in first.split(",")] != ["time_s", "command"]:
         raise CommandError.of("simulation.command-header", where=where, lines=first.strip())
     if not entries:
-        raise CommandError(f"{path} has no entries", rule="the first entry is at 0 s")
+        raise CommandError(f"{path} has no entries", rule="the first entry must be at 0 s")
     return [(where, line.strip().split(",")) for where, line in entries]
 
 

@@ -84,7 +84,7 @@ def check_si(run: xr.Dataset) -> None:
     for name, variable in run.variables.items():
         if "column" in variable.attrs and variable.attrs.get("units") != (unit := meaning(variable.attrs["column"])[1]):
             what = f"{name} of this run is in {variable.attrs.get('units')}"
-            raise CommandError(what, rule=f"a run in SI, here in {unit}", remedy="Pass the run in SI.")
+            raise CommandError(what, rule=f"the run must be in SI, here in {unit}", remedy="Pass the run in SI.")
 
 
 def check_target(path: str | Path, suffixes: tuple[str, ...] = SUFFIXES) -> Path:

@@ -495,7 +495,7 @@ def in_unit(text: str, unit: str) -> str:
     known = TABLE.get(canonical(wanted))
     if known is None or said != wanted_said:
         raise DescriptionError(
-            f'"{text}" cannot be written in "{unit}"', rule="a common unit, with the abs or gauge of the text"
+            f'"{text}" cannot be written in "{unit}"', rule="a unit of the same quantity, and the same abs or gauge"
         )
     return f"{write(parse(plain, known[0]), known[0], canonical(wanted))}{said}"
 

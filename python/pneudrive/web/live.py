@@ -83,7 +83,7 @@ def answer(workspace: Workspace, message: str, limit: RunLimit | None = None) ->
         return frame_of(run, panels, extras.pixels, {"number": number, "path": path, **head}, arrays)
     except Cancelled:
         error: PneudriveError = CommandError(
-            f"the run took longer than {limit.seconds:g} s on the clock",
+            f"the run took longer than {limit.seconds:g} s of real time",
             remedy="Make it shorter, or copy the command and run it in a terminal.",
         )
     except (KeyboardInterrupt, SystemExit):

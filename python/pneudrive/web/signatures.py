@@ -111,7 +111,7 @@ class CommandInput:
             case "keys":
                 value = ", ".join(key.strip() for key in value.split(",") if key.strip())
                 if not value:
-                    raise CommandError("no value to identify is named", remedy=f"Write {self.hint}, for instance.")
+                    raise CommandError("no value to be identified is given", remedy=f"Write {self.hint}, for instance.")
             case kind if kind in FILES:
                 self._check_file(value, workspace)
         return value

@@ -508,7 +508,7 @@ def _columns(loop: Any) -> tuple[Array, Array, Array]:  # noqa: ANN401 - a recor
     names = ("time_s", "position_m", "friction_n")
     missing = [c for c in names if c not in loop]
     if missing:
-        raise FitError(f"a loop has no {', '.join(missing)}", rule="time_s, position_m and friction_n of one length")
+        raise FitError(f"a loop has no {', '.join(missing)}", rule="time_s, position_m, friction_n of equal length")
     time, position, friction = (np.asarray(loop[c], dtype=float) for c in names)
     return time, position, friction
 

@@ -590,7 +590,7 @@ def _columns(friction_map: xr.Dataset) -> dict[str, NDArray]:
         )
     rows = friction_map["friction_n"].shape
     if len(rows) != 1:
-        raise FitError("the friction map must have one dimension, row", value=f"shape {rows}", where="friction map")
+        raise FitError("row must be the only dimension of the map", value=f"shape {rows}", where="friction map")
     kinds = dict.fromkeys((*REQUIRED, *OPTIONAL), float) | {"recording": str, "flags": str}
     column = {name: np.asarray(friction_map.get(name, np.full(rows, np.nan)), kind) for name, kind in kinds.items()}
     direction, stderr = column["direction"], column["stderr_n"]

@@ -33,7 +33,7 @@ OTHERS_MAY_READ = 0o077
 
 def _no_password(_: object) -> None:
     remedy = 'Write password_file = "password.txt" or password_env = "PNEUDRIVE_RIG_PASSWORD".'
-    raise DescriptionError("the file has a password", rule="a rig file must not contain a password", remedy=remedy)
+    raise DescriptionError("the file contains a password", rule="a rig file must not contain a password", remedy=remedy)
 
 
 def _text(pattern: str, name: str, rule: str, remedy: str | None = None) -> Reads:
@@ -51,7 +51,7 @@ ADDRESS = _text(rf"{SCHEME}://[^@]*", "an address", f"{SCHEME}://HOST:PORT, with
 #: A rig file may only name variables for passwords of rigs.
 VARIABLE = _text(
     rf"{PREFIX}[^\n]*",
-    "a variable for passwords of rigs",
+    "an environment variable for the password of a rig",
     f"a rig file may send only variables whose names begin with {PREFIX}",
     'Write password_env = "PNEUDRIVE_RIG_PASSWORD".',
 )
@@ -90,7 +90,7 @@ class OpcUaFile(RigFile):
         encrypted = (self.certificate, self.key, self.server_certificate)
         if None in encrypted and any(encrypted):
             rule = "certificate and key of the client, and server_certificate, are needed together"
-            raise wrong("certificate", "one of the three files of encryption is missing", rule=rule)
+            raise wrong("certificate", "one of the three files for encryption is missing", rule=rule)
         if (self.user or self.user_certificate) is not None and not any(encrypted):
             rule = "a password is sent only over an encrypted connection"
             remedy = "Make certificates with: pneudrive rig certificate."
