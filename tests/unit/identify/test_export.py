@@ -177,7 +177,7 @@ def test_the_table_of_a_drive_gives_its_friction_back(part):
     [
         ("harmonics", "modelica", "lost: variation along the stroke: the curve is for position = 0 mm"),
         ("table", "st", "lost: variation along the stroke: the curve is for position = 0 mm"),
-        ("wear", "modelica", "lost: change with the distance slid: the curve is for 10 m slid"),
+        ("wear", "modelica", "lost: change with the distance slid: the curve is for a sliding distance of 10 m"),
         ("elements", "simscape", "lost: the individual springs of the bristles"),
     ],
 )

@@ -15,17 +15,17 @@ CASES = {
     "leg without cylinder": (
         EXAMPLE.replace(f"    {JOINED},\n", ""),
         "[components.tripod]",
-        ["port tripod.3 is not connected", "a cylinder moves each leg", 'Write "leg_3.rod -> tripod.3"'],
+        ["port tripod.3 is not connected", "each leg needs a cylinder", 'Write "leg_3.rod -> tripod.3"'],
     ),
     "leg without rod": (
         EXAMPLE.replace(JOINED, '"weight -> tripod.3"') + '[components.weight]\nkind = "load"\nmass = "3 kg"\n',
         "weight -> tripod.3",
-        ["leg 3 of tripod has no cylinder", "a cylinder or a slide moves each leg", "Join the rod of a cylinder"],
+        ["leg 3 of tripod has no cylinder", "each leg needs a cylinder or a slide", "Join the rod of a cylinder"],
     ),
     "two cylinders on a leg": (
         EXAMPLE.replace(JOINED, '"leg_3.rod -> tripod.2"'),
         "leg_2.rod -> tripod.2",
-        ["leg_2 and leg_3 both move leg 2 of tripod", "one cylinder for each leg", "put a coupling between"],
+        ["leg_2 and leg_3 both move leg 2 of tripod", "each leg accepts only one cylinder", "put a coupling between"],
     ),
     "inertia": (
         EXAMPLE.replace('z = "0.17 kg m2"', 'z = "0.19 kg m2"'),
@@ -71,7 +71,7 @@ CASES = {
         EXAMPLE.replace('length = "350 mm"', 'length = "50 mm"')
         + "".join(f'leg_{i}.position = "0 mm"\n' for i in (1, 2, 3)),
         "leg_1.position = ",
-        ["the start of tripod is singular: heave =", "smallest singular value above 1e-06", "Start from another pose"],
+        ["the start pose of tripod is singular: heave =", "must be above 1e-06", "Start from another pose"],
     ),
 }
 

@@ -98,7 +98,7 @@ def test_a_few_broken_rows_are_counted_and_many_refused(tmp_path):
     for i in range(0, 200, 10):
         rows[i] = ["?", "-", "x"]
     write(tmp_path / "a.csv", rows)
-    with pytest.raises(RecordingError, match=r"21 of 200 rows are not numbers.*line 1"):
+    with pytest.raises(RecordingError, match=r"21 of 200 rows do not contain numbers.*line 1"):
         characterise(tmp_path / "a.csv", LAYOUT)
 
 
