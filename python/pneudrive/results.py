@@ -19,9 +19,9 @@ from pneudrive.arrays import Array, ArrayPair, Columns, Keyed, Plain
 from pneudrive.campaign.planning.protocol import read_protocol
 from pneudrive.control.benchmarks import read_comparison
 from pneudrive.describe import Circuit, Drive
-from pneudrive.describe.all_values import values_of
 from pneudrive.describe.files import toml
 from pneudrive.describe.files.load import load_described
+from pneudrive.describe.system import values_of
 from pneudrive.describe.tables.valve_flow import NEEDLE, conductance_key
 from pneudrive.describe.tank import Tank
 from pneudrive.errors import CommandError, DescriptionError

@@ -15,7 +15,7 @@ from pneudrive.cli.main import run as command
 from pneudrive.describe.components import component, component_class
 from pneudrive.describe.files import catalogue
 from pneudrive.describe.files.catalogue import find_parts
-from pneudrive.describe.tables.geometry import piston_areas
+from pneudrive.describe.tables.parts import piston_areas
 from pneudrive.errors import DescriptionError, PneudriveWarning
 from pneudrive.references import bibtex
 from pneudrive.sizing.task import SizingTask, choices

@@ -15,9 +15,9 @@ from pneudrive.datasheet.measured import MeasuredBeside, beside
 from pneudrive.datasheet.plant import LEAST_VELOCITY, LOCK, HeldDrive
 from pneudrive.datasheet.registry import UncertainDrive, characteristics
 from pneudrive.datasheet.stands import parts_of
-from pneudrive.describe.all_values import DescribedValue, values_of
 from pneudrive.describe.drive import Drive
 from pneudrive.describe.files import sourced, toml
+from pneudrive.describe.system import DescribedValue, values_of
 from pneudrive.errors import HAZARD, Cancelled, CommandError, PneudriveError, package_table
 from pneudrive.lazy_names import upper
 from pneudrive.numbers import plain

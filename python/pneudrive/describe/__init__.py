@@ -8,5 +8,5 @@ with lazily(__name__):
     from pneudrive.describe.circuit import Circuit as Circuit
     from pneudrive.describe.components import Component as Component
     from pneudrive.describe.drive import Drive as Drive
-    from pneudrive.describe.formulas.law import FrictionLaw as FrictionLaw
+    from pneudrive.describe.formulas import FrictionLaw as FrictionLaw
     from pneudrive.describe.tables.friction import friction_laws as friction_laws

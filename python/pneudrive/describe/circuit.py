@@ -15,7 +15,7 @@ from pneudrive.describe.base import as_tables, escaped, inline
 from pneudrive.describe.components import Component, component, component_class, unusual, within_component
 from pneudrive.describe.connections import AMBIENT, Part, Wiring
 from pneudrive.describe.files import catalogue, toml
-from pneudrive.describe.formulas import law, written
+from pneudrive.describe.formulas import formula_of, law_of, read_file
 from pneudrive.describe.kinds import COMMAND, component_kinds
 from pneudrive.describe.short import TABLES, Short
 from pneudrive.describe.system import DRIVE_NAMES, PISTON, DescribedSystem, System
@@ -165,14 +165,14 @@ class Circuit(DescribedSystem):
             As for `load`.
         """
         with toml.locating(path, text):
-            written.read_file(tables.get("friction"), "law", "friction", law.law_of, path)
+            read_file(tables.get("friction"), "law", "friction", law_of, path)
             components = tables.get("components")
             for name, table in components.items() if isinstance(components, dict) else ():
                 if isinstance(table, dict):
                     key, entry = f"components.{name}", component_kinds().get(str(table.get("kind")))
-                    written.read_file(table.get("friction"), "law", f"{key}.friction", law.law_of, path)
+                    read_file(table.get("friction"), "law", f"{key}.friction", law_of, path)
                     if entry is not None and entry["formula"]:
-                        written.read_file(table, "formula", key, partial(written.formula_of, entry=entry), path)
+                        read_file(table, "formula", key, partial(formula_of, entry=entry), path)
             return cls.model_validate(tables)
 
     def replace(self, changes: Plain) -> Circuit:

@@ -25,7 +25,7 @@ from pneudrive.describe.components import (
 from pneudrive.describe.connections import AMBIENT as AMBIENT, Part as Part, Wiring as Wiring
 from pneudrive.describe.files import catalogue as catalogue, toml as toml
 from pneudrive.describe.files.sourced import Value as Value
-from pneudrive.describe.formulas import law as law, written as written
+from pneudrive.describe.formulas import formula_of as formula_of, law_of as law_of, read_file as read_file
 from pneudrive.describe.kinds import COMMAND as COMMAND, component_kinds as component_kinds
 from pneudrive.describe.marks import Positions as Positions, Signal as Signal
 from pneudrive.describe.short import Short as Short, TABLES as TABLES

@@ -15,8 +15,7 @@ from pneudrive.arrays import Interval, Keyed, NamedNumbers, Plain
 from pneudrive.describe import marks
 from pneudrive.describe.base import Described, inline
 from pneudrive.describe.files import sourced
-from pneudrive.describe.formulas.law import law_of
-from pneudrive.describe.formulas.written import ComponentFormula, formula_of
+from pneudrive.describe.formulas import ComponentFormula, formula_of, law_of
 from pneudrive.describe.kinds import COMMAND, FLOW, RATIO, STATED, acts, component_kinds, flow_keys, is_bare, is_needed
 from pneudrive.describe.marks import Positions, Quantity, Signal, StatedPressure, parameter_quantity
 from pneudrive.describe.tables import valve_flow

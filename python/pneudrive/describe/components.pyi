@@ -14,8 +14,7 @@ from pneudrive.arrays import Interval as Interval, Keyed as Keyed, NamedNumbers 
 from pneudrive.describe import marks as marks
 from pneudrive.describe.base import Described as Described, inline as inline
 from pneudrive.describe.files import sourced as sourced
-from pneudrive.describe.formulas.law import law_of as law_of
-from pneudrive.describe.formulas.written import ComponentFormula as ComponentFormula, formula_of as formula_of
+from pneudrive.describe.formulas import ComponentFormula as ComponentFormula, formula_of as formula_of, law_of as law_of
 from pneudrive.describe.kinds import (
     COMMAND as COMMAND,
     FLOW as FLOW,

@@ -17,8 +17,7 @@ from pneudrive.describe.circuit import Circuit
 from pneudrive.describe.components import merge, unusual
 from pneudrive.describe.files import catalogue, provenance, sourced, toml
 from pneudrive.describe.files.provenance import Origin
-from pneudrive.describe.formulas import written
-from pneudrive.describe.formulas.law import law_of
+from pneudrive.describe.formulas import law_of, read_file
 from pneudrive.describe.marks import Positions, Signal, absolute_above_vacuum
 from pneudrive.describe.short import TABLES, Short
 from pneudrive.describe.system import DRIVE_NAMES, PISTON, DescribedSystem, System, short_name
@@ -116,7 +115,7 @@ class Drive(DescribedSystem):
             As for `load`.
         """
         with toml.locating(path, text):
-            written.read_file(tables.get("friction"), "law", "friction", law_of, path)
+            read_file(tables.get("friction"), "law", "friction", law_of, path)
             base = tables.pop("drive", None)
             if base is None:
                 return cls.model_validate(tables)

@@ -18,8 +18,7 @@ from pneudrive.describe.circuit import Circuit as Circuit
 from pneudrive.describe.components import merge as merge, unusual as unusual
 from pneudrive.describe.files import catalogue as catalogue, provenance as provenance, sourced as sourced, toml as toml
 from pneudrive.describe.files.provenance import Origin as Origin
-from pneudrive.describe.formulas import written as written
-from pneudrive.describe.formulas.law import law_of as law_of
+from pneudrive.describe.formulas import law_of as law_of, read_file as read_file
 from pneudrive.describe.marks import (
     Positions as Positions,
     Signal as Signal,

@@ -10,6 +10,7 @@ from __future__ import annotations
 import json
 import math
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
@@ -17,13 +18,13 @@ import numpy as np
 from pneudrive import units
 from pneudrive.describe.components import parameter_quantity
 from pneudrive.describe.files.provenance import marks, values
-from pneudrive.describe.kinds import STATED, component_kinds
+from pneudrive.describe.kinds import FLOW, STATED, component_kinds, flow_keys
 from pneudrive.describe.marks import Quantity, StatedPressure, parameter_quantities
 from pneudrive.describe.system import compiled
+from pneudrive.describe.tables import valve_flow
 from pneudrive.describe.tables.dependences import Acting
-from pneudrive.describe.tables.derived import Derived, derived, derived_in_circuit
+from pneudrive.describe.tables.friction import ASSUMED_DIGITS, assumed_from
 from pneudrive.describe.tables.starts import start_mark
-from pneudrive.describe.tables.valve_flow import FLOW_KEYS
 from pneudrive.errors import CommandError, FitError, SimulationError, nearest, package_table
 from pneudrive.progress import UNWATCHED, Watch
 from pneudrive.simulation import command as commands
@@ -211,7 +212,7 @@ def find(described: DriveOrCircuit, names: Sequence[str], *, shifts: bool = Fals
         if name not in known:
             kind = described.file_kind
             part, _, key = name.rpartition(".")
-            meant = f"{part}.conductance" if key in FLOW_KEYS else name  # the number of any stated size
+            meant = f"{part}.conductance" if key in valve_flow.FLOW_KEYS else name  # the number of any stated size
             offered = nearest(meant, (name for name in known if name not in discrete))
             raise CommandError.of("free.unknown", name=name, kind=kind, nearest=offered)
         if name in discrete:
@@ -269,6 +270,73 @@ def _number(
     """Return a number with the bounds of its annotation, or without bounds if `usual`, a typical change, is given."""
     lower, upper = (-np.inf, np.inf) if usual else mark.ends
     return Parameter(name, core, mark_unit(mark), value, lower, upper, usual or abs(value) or 1.0, discrete, mark)
+
+
+# --- Derived defaults: values of a drive that follow from other values if they are not given.
+#
+# Code that changes a value (a search, the application of a fit) must update the values derived from this value.
+
+
+@dataclass(frozen=True)
+class Derived:
+    """Value derived from other values.
+
+    Attributes
+    ----------
+    name : str
+        Name in the drive file.
+    path : str
+        Path in the circuit of the drive.
+    sources : tuple of str
+        Paths of the values on which it depends. These may also be derived.
+    value : callable
+        Function that returns the derived value, from the values of `sources` in SI.
+    digits : int or None
+        Number of significant digits to which a description rounds the value. None: not rounded.
+    """
+
+    name: str
+    path: str
+    sources: tuple[str, ...]
+    value: Callable[..., float]
+    digits: int | None = None
+
+
+def derived(drive: Drive) -> Iterator[Derived]:
+    """Yield the derived values of a drive. Each value comes after the values on which it depends.
+
+    Examples
+    --------
+    >>> from pneudrive.describe import Drive
+    >>> [d.name for d in derived(Drive.load("catalogue:reference"))]
+    ['supply.temperature', 'cylinder.wall_temperature']
+    """
+    for key, (sources, value) in assumed_from(drive.friction).items():
+        paths = tuple(f"cylinder.{LAW}{source}" for source in sources)
+        yield Derived(f"friction.{key}", f"cylinder.{LAW}{key}", paths, value, ASSUMED_DIGITS)
+    ambient, supply, valve = "ambient.temperature_k", drive.supply, drive.valve
+    if supply.temperature_k is None:
+        yield Derived("supply.temperature", "supply.temperature", (ambient,), float)
+    if drive.cylinder.wall_temperature_k is None:
+        yield Derived("cylinder.wall_temperature", "cylinder.wall_temperature", (ambient,), float)
+    if supply.pressure.gauge:
+        yield Derived("supply.pressure", "supply.pressure", ("ambient.pressure_pa",), supply.pressure.absolute_pa)
+    if valve.nominal_flow_m3_s_anr is not None:
+        conductance = partial(valve_flow.conductance_from_nominal_flow, valve.nominal_flow_m3_s_anr)
+        yield Derived("valve.conductance", "valve.conductance", tuple(f"valve.{key}" for key in FLOW), conductance)
+
+
+def derived_in_circuit(circuit: Circuit) -> Iterator[Derived]:
+    """Yield the derived numbers of a circuit: pressures given as gauge, and conductances given by other sizes."""
+    for name, one in circuit.components.items():
+        for key in (parameter["key"] for parameter in one.entry["parameters"]):
+            value, *sizes = (getattr(one, one.fields[size]) for size in flow_keys(one.entry, key))
+            if isinstance(value, units.Pressure) and value.gauge:
+                yield Derived(f"{name}.{key}", f"{name}.{key}", ("ambient.pressure_pa",), value.absolute_pa)
+            elif any(sizes):
+                sources = tuple(f"{name}.{source}" for source in FLOW)
+                conductance = partial(valve_flow.conductance_of, [None, *sizes])
+                yield Derived(f"{name}.{key}", f"{name}.{key}", sources, conductance)
 
 
 #: Relative step for derivatives of a derived value with respect to its sources.
@@ -527,7 +595,7 @@ class Differentiator:
         values : ndarray, shape (n, c)
         derivatives : ndarray, shape (n, c, p)
             In SI, with respect to each parameter, including its effect on derived values
-            (`pneudrive.describe.tables.derived`).
+            (`derived`).
 
         Raises
         ------

@@ -12,7 +12,7 @@ import numpy as np
 from pneudrive import units
 from pneudrive.describe.system import compiled
 from pneudrive.describe.tables import starts
-from pneudrive.describe.tables.geometry import piston_areas
+from pneudrive.describe.tables.parts import piston_areas
 from pneudrive.errors import CommandError, nearest
 from pneudrive.lazy_names import upper
 from pneudrive.simulation import trajectory

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 
 from pneudrive import __version__
 from pneudrive.constants import ANR_LITRES_PER_KG
-from pneudrive.describe.all_values import values_of
 from pneudrive.describe.files import toml
+from pneudrive.describe.system import values_of
 from pneudrive.figures import THIN, Figure, Line, Look, Markers, Panel, Rule
 from pneudrive.files.writing import make_subfolder
 from pneudrive.report.circuit.svg import circuit_figure

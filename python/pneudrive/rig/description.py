@@ -18,12 +18,11 @@ from pneudrive import units
 from pneudrive.arrays import Array, Pair, Plain
 from pneudrive.describe.base import Described
 from pneudrive.describe.files import toml
-from pneudrive.describe.formulas import written
-from pneudrive.describe.formulas.law import law_of
+from pneudrive.describe.formulas import law_of, read_file
 from pneudrive.describe.kinds import component_kinds
 from pneudrive.describe.marks import Bounds, Choice, Mark, Quantity, StatedPressure, parameter_quantity
 from pneudrive.describe.tables.friction import Friction
-from pneudrive.describe.tables.geometry import piston_areas
+from pneudrive.describe.tables.parts import piston_areas
 from pneudrive.errors import DescriptionError, PneudriveError, Problems, package_table, together, wrong
 from pneudrive.rig.interface import Sampling
 from pneudrive.rig.motion import MotionLimits
@@ -236,7 +235,7 @@ def _friction(given: Plain, path: Path) -> Friction:
     """Read the friction table, as in a drive file but with a required law."""
     if not isinstance(given.get("law"), str):
         raise wrong("friction.law", "friction.law is missing", rule='law = "stribeck", without a source')
-    written.read_file(given, "law", "friction", law_of, path)
+    read_file(given, "law", "friction", law_of, path)
     return Friction.model_validate(given)
 
 

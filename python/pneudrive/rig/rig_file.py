@@ -15,7 +15,7 @@ from pneudrive.describe import marks
 from pneudrive.describe.base import Described
 from pneudrive.describe.files import toml
 from pneudrive.describe.marks import NOT_NEGATIVE, POSITIVE, Between, Mark, PressureBetween, Quantity, Reads, absolute
-from pneudrive.describe.tables.geometry import PistonTable
+from pneudrive.describe.tables.parts import PistonTable
 from pneudrive.errors import RigError, nearest, wrong
 from pneudrive.rig.interface import WORDS, Envelope, Identity, Rig, missing_verbs
 from pneudrive.signals.force_calibration import ForceCalibration, of_quantities

@@ -19,7 +19,7 @@ from pneudrive.describe import marks
 from pneudrive.describe.base import Described
 from pneudrive.describe.files import toml
 from pneudrive.describe.marks import POSITIVE, Between, Bounds, Percent, Quantity, Reads, Text, Whole, absolute
-from pneudrive.describe.tables.geometry import PistonTable
+from pneudrive.describe.tables.parts import PistonTable
 from pneudrive.errors import DescriptionError, LayoutError, Problems, invalid, package_table, wrong
 from pneudrive.files.content import COMPRESSIONS
 from pneudrive.files.tables import FORMATS

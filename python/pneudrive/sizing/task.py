@@ -18,7 +18,6 @@ from pneudrive.arrays import Interval, Keyed, NamedNumbers, Plain
 from pneudrive.constants import IMPACT_ENERGY_J_M2, STANDARD_GRAVITY_M_S2
 from pneudrive.control.mismatch import ValueOrRange
 from pneudrive.describe import marks
-from pneudrive.describe.all_values import DescribedValue
 from pneudrive.describe.base import Described, inline
 from pneudrive.describe.components import component_class
 from pneudrive.describe.files import toml
@@ -26,6 +25,7 @@ from pneudrive.describe.files.catalogue import PREFIX, Entry, check, entries, pa
 from pneudrive.describe.files.sourced import parted
 from pneudrive.describe.marks import NOT_NEGATIVE, POSITIVE, Between, Bounds, Force, Length, Mass, Percent, Quantity
 from pneudrive.describe.marks import StatedPressure as Stated
+from pneudrive.describe.system import DescribedValue
 from pneudrive.describe.tables.parts import Ambient
 from pneudrive.errors import invalid, wrong
 

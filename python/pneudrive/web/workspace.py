@@ -131,7 +131,7 @@ class Workspace:
     def check_named(self, name: str, tables: dict[str, Any]) -> None:
         """Reject a description that names a file outside the workspace. Names are relative to its folder."""
         from pneudrive.describe.files.toml import leaves
-        from pneudrive.describe.formulas.written import FILE_PREFIX
+        from pneudrive.describe.formulas import FILE_PREFIX
 
         for _, given in leaves(tables, is_inner=lambda value: isinstance(value, dict | list)):
             if isinstance(given, str) and given.startswith(FILE_PREFIX):

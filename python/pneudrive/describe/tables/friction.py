@@ -15,8 +15,7 @@ from pneudrive.arrays import Keyed, NamedNumbers, Plain
 from pneudrive.describe import marks
 from pneudrive.describe.base import Described
 from pneudrive.describe.files import sourced
-from pneudrive.describe.formulas.law import FrictionLaw, law_of
-from pneudrive.describe.formulas.written import FILE_PREFIX
+from pneudrive.describe.formulas import FILE_PREFIX, FrictionLaw, law_of
 from pneudrive.describe.marks import Quantity, StatedPressure, Stiffness, parameter_quantities, parameter_quantity
 from pneudrive.describe.tables import dependences
 from pneudrive.describe.tables.dependences import DEPENDENCES, Acting

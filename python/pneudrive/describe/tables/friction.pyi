@@ -22,8 +22,7 @@ from pneudrive.arrays import Keyed as Keyed, NamedNumbers as NamedNumbers, Plain
 from pneudrive.describe import marks as marks
 from pneudrive.describe.base import Described as Described
 from pneudrive.describe.files import sourced as sourced
-from pneudrive.describe.formulas.law import FrictionLaw as FrictionLaw, law_of as law_of
-from pneudrive.describe.formulas.written import FILE_PREFIX as FILE_PREFIX
+from pneudrive.describe.formulas import FILE_PREFIX as FILE_PREFIX, FrictionLaw as FrictionLaw, law_of as law_of
 from pneudrive.describe.marks import (
     Quantity as Quantity,
     StatedPressure as StatedPressure,

@@ -9,7 +9,13 @@ _Given: _TypeAlias = str | float | _UnitFloat | _Mapping[str, _Any]
 from _typeshed import Incomplete
 from collections.abc import Collection, Mapping as Mapping, Sequence as Sequence
 from pneudrive import _core as _core, constants as constants, units as units
-from pneudrive.arrays import NamedNumbers as NamedNumbers, Pair as Pair, Plain as Plain
+from pneudrive.arrays import (
+    Array as Array,
+    ArrayPair as ArrayPair,
+    NamedNumbers as NamedNumbers,
+    Pair as Pair,
+    Plain as Plain,
+)
 from pneudrive.constants import (
     AIR_GAS_CONSTANT_J_KG_K as AIR_GAS_CONSTANT_J_KG_K,
     AIR_HEAT_CAPACITY_RATIO as AIR_HEAT_CAPACITY_RATIO,
@@ -26,7 +32,6 @@ from pneudrive.describe.marks import (
     Quantity as Quantity,
 )
 from pneudrive.describe.tables import valve_flow as valve_flow
-from pneudrive.describe.tables.geometry import check_rod as check_rod, piston_areas as piston_areas
 from pneudrive.errors import invalid as invalid, package_table as package_table, warn as warn, wrong as wrong
 from typing import Annotated, Any, ClassVar, Literal
 
@@ -87,6 +92,40 @@ class Supply(Described):
     @property
     def temperature(self) -> _UnitFloat | None: ...
     def __init__(self, *, pressure: _Given | _Pressure, temperature: _Given | None = ...) -> None: ...
+
+KINDS: Incomplete
+MaybeArea: Incomplete
+
+def piston_areas(kind: str, bore_m: float, rod_diameter_m: float) -> Pair: ...
+def double_acting(core_json: str) -> dict[str, Plain]: ...
+def chamber_volumes(cylinder: Plain, position_m: Array) -> ArrayPair: ...
+def check_rod(table: str, kind: str, bore_m: float, rod_diameter_m: float | None) -> None: ...
+
+class PistonTable(Described):
+    kind: Literal["rodless", "through-rod", "single-rod"]
+    bore_m: marks.MaybeLength
+    rod_diameter_m: marks.MaybeLength
+    area_a_m2: MaybeArea
+    area_b_m2: MaybeArea
+
+    def areas(self) -> Pair: ...
+    @property
+    def bore(self) -> _UnitFloat | None: ...
+    @property
+    def rod_diameter(self) -> _UnitFloat | None: ...
+    @property
+    def area_a(self) -> _UnitFloat | None: ...
+    @property
+    def area_b(self) -> _UnitFloat | None: ...
+    def __init__(
+        self,
+        *,
+        kind: _Literal["rodless", "through-rod", "single-rod"] = ...,
+        bore: _Given | None = ...,
+        rod_diameter: _Given | None = ...,
+        area_a: _Given | None = ...,
+        area_b: _Given | None = ...,
+    ) -> None: ...
 
 class _DrivePart(Described):
     @classmethod

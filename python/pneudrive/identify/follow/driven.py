@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from pneudrive import _core
 from pneudrive.arrays import Array, ArrayPair, Bools, Columns, Interval, NamedNumbers, Plain
 from pneudrive.describe.circuit import Circuit
-from pneudrive.describe.tables.geometry import piston_areas
+from pneudrive.describe.tables.parts import piston_areas
 from pneudrive.errors import CommandError, FitError, RecordingError, nearest
 from pneudrive.identify.identified import number_table, stated
 from pneudrive.signals.layout import AnyLayout

@@ -20,8 +20,8 @@ from pydantic import AfterValidator, Field, StrictFloat, StrictInt, StrictStr, f
 from pneudrive.arrays import Columns, Ints, Keyed, Plain
 from pneudrive.describe import Circuit, Drive
 from pneudrive.describe.files.load import described_in
-from pneudrive.describe.formulas.written import FILE_PREFIX
-from pneudrive.describe.tables.geometry import chamber_volumes, double_acting
+from pneudrive.describe.formulas import FILE_PREFIX
+from pneudrive.describe.tables.parts import chamber_volumes, double_acting
 from pneudrive.errors import CommandError, PneudriveError
 from pneudrive.platforms import Platform, platforms
 from pneudrive.platforms.kinematics import motion_of, platform_outputs, pose_columns

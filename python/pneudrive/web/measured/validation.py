@@ -12,8 +12,8 @@ from pydantic import Field, StrictInt, StrictStr
 
 from pneudrive.arrays import Interval, Keyed, Plain, attributes_of, rows_of
 from pneudrive.describe import Drive
-from pneudrive.describe.all_values import DescribedValue, values_of
 from pneudrive.describe.files import toml
+from pneudrive.describe.system import DescribedValue, values_of
 from pneudrive.errors import CommandError
 from pneudrive.free.parameters import numbers_of, with_shape
 from pneudrive.signals.drive_recording import NEEDED, OPTIONAL, drive_recording

@@ -1,1 +1,0 @@
-"""Friction laws and components that a user writes as formulas."""
