@@ -345,7 +345,7 @@ supply.pressure = "6 bar gauge"
     assert [row[1] for row in tables["Candidates that meet the task: the best of each cylinder"]] == [
         " + ".join(name for name in one["parts"].values() if name != "none") for one in ranked[:1]
     ]
-    (table,) = (rows for caption, rows in tables.items() if caption.startswith("Range of 98 % of the samples, "))
+    (table,) = (rows for caption, rows in tables.items() if caption.startswith("Range that contains 98 % of "))
     ranges = {row[0]: row[1] for row in table}
     value, limit, _ = ranked[0]["worst"]["time out"]
     low, _, rest = ranges["time out, limit 0.35 s"].partition(" … ")

@@ -165,7 +165,7 @@ FAULTS = {
             )
         ),
         ('supply.pressure: pressure "3 bar" does not state', '"3 bar"', "absolute", '"3 bar abs"'),
-        ("port supply.1 is not connected", "[supply]", "each port is joined", "Join it"),
+        ("port supply.1 is not connected", "[supply]", "each port must be joined", "Join it"),
         ("[load] belongs to a [cylinder]; missing: [cylinder]", "[load]", "", "[components.NAME]"),
         ("[tubing] belongs to a [cylinder] behind a [valve]", "[tubing]", "", "Add [valve] and [cylinder]"),
         (

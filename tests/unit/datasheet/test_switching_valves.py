@@ -48,7 +48,7 @@ NONE = {
     "cushion": "no cushion",
     "sensitivity": "is a circuit",
     "lines": "needs a drive",
-    "published": "no part of the catalogue",
+    "published": "no printed figure of a part",
 }
 
 
