@@ -258,7 +258,7 @@ def _hazards(plant: HeldDrive, results: dict[str, xr.Dataset]) -> Iterator[Findi
         if plant.hanging_n > holds:
             yield Finding(f"{text} friction at rest and locks hold only {plain(holds)} N.", "bad", remedy)
         elif not (is_stated and all(one.assumed is None for one in friction)):
-            why = "no measurement says how much of it remains without pressure"
+            why = "no measurement shows how much friction remains without pressure"
             yield Finding(f"{text} locks hold only {plain(locks)} N: the rest is friction, and {why}.", "open", remedy)
     limit = energy_limit_j(plant)
     response = results.get("square-response")

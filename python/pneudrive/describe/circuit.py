@@ -418,7 +418,7 @@ def _completed(data: Plain, short: Short, problems: Problems) -> Plain:
             what = f'two components have the name "{name}"; the other one is [{short.places[f"components.{name}"]}]'
             remedy = "Rename this component. To add keys to the other component, leave out kind."
             problems.add(
-                wrong(f"components.{name}.kind", what, rule="each component has a different name", remedy=remedy)
+                wrong(f"components.{name}.kind", what, rule="each component needs a different name", remedy=remedy)
             )
             short.places[f"components.{name}.kind"] = f"components.{name}.kind"
     connections = out.get("connections", ())

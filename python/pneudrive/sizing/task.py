@@ -417,7 +417,7 @@ def choices(task: SizingTask) -> Parts:
         found[slot] = [part_choice(one, task) for one in sorted(chosen, key=lambda one: one.name)]
     for slot, parts in found.items():
         if not parts and slot != "flow_control":
-            raise wrong("exclude", f"exclude removes each {slot} of the catalogue", remedy="Exclude fewer parts.")
+            raise wrong("exclude", f"exclude removes every {slot} of the catalogue", remedy="Exclude fewer parts.")
     if not task.excludes(WITHOUT, FLOW_CONTROL) or not found["flow_control"]:
         found["flow_control"].append(NO_FLOW_CONTROL)
     return found

@@ -10,26 +10,21 @@ from __future__ import annotations
 
 import math
 import threading
+from collections.abc import Callable
 from concurrent.futures import Future, wait
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from pneudrive.arrays import Array, Bools, Ints, Pair, Plain
 from pneudrive.campaign.cycle import WORDS, Cycle, Head
 from pneudrive.campaign.storage.control import now
 from pneudrive.constants import ZERO_CELSIUS_K
 from pneudrive.errors import PneudriveError, RigError
 from pneudrive.own_code import place_of
-from pneudrive.rig import Changeable, Reproducible
+from pneudrive.rig import Changeable, Envelope, Identity, Reproducible, Rig, RigState
 from pneudrive.rig.interface import CHANNELS, JobThread, Move, Samples, as_json, closed_after, has_verbs
 from pneudrive.signals.recording import clipped, equal_runs, stuck_position, stuck_runs
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from pneudrive.arrays import Array, Bools, Ints, Pair, Plain
-    from pneudrive.rig.interface import Envelope, Identity, Rig, RigState
-
 
 #: Longest time for a rig to come to rest before the campaign ends without it, s.
 STOP_S = 30.0

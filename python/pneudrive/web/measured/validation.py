@@ -69,7 +69,7 @@ def _read(workspace: Workspace, name: str) -> Plain:
     if not all(key in content for key in ("verdict", "record", "diagnosis", "provenance")):
         raise CommandError(f"{name} is not a validation", remedy="Validate a drive against a recording first.")
     if not all("run" in one for one in content["record"]):
-        raise CommandError(f"{name} was written without its runs", remedy="Validate again.")
+        raise CommandError(f"{name} does not contain the runs", remedy="Validate again.")
     return content
 
 
