@@ -8,7 +8,6 @@ supply and wall, friction that grows with pressure, another gas, LuGre and exact
 
 from __future__ import annotations
 
-import json
 import math
 import tomllib
 import warnings
@@ -19,17 +18,17 @@ import pytest
 
 import pneudrive as pn
 from benches.servo import READS, controller, follow_sine
+from oracle.cases import CASES, GOLDEN
 from oracle.compare import difference, outside_impact, simulated
 from oracle.integrate import COLUMNS
 from pneudrive.cli.main import run
+from pneudrive.describe.system import System
 from pneudrive.describe.tables.friction import friction_laws
 from pneudrive.errors import PneudriveWarning
 from pneudrive.simulation.trajectory import columns
 
-GOLDEN = Path(__file__).resolve().parent.parent / "golden"
 DEFAULT_RTOL = 1e-6
 TEMPERATURE_BOUND = 1e-4
-CASES = {path.stem: json.loads(path.read_text()) for path in sorted(GOLDEN.glob("*.json"))}
 OPEN_LOOP = sorted(name for name, case in CASES.items() if "commands" in case)
 
 
@@ -75,8 +74,6 @@ def test_a_piston_that_sticks_has_exactly_no_velocity():
 
 def test_servo_control_follows_the_independent_model():
     """Case C: 10,000 samples of position control, each with its own command."""
-    from pneudrive.describe.system import System
-
     case, want = CASES["case_c"], golden("case_c")
     servo = case["servo"]
     drive = System.of_drive(case["drive"]).compiled()
@@ -101,8 +98,6 @@ def test_the_impact_mask_hides_little():
 @pytest.mark.filterwarnings("ignore::pneudrive.errors.PneudriveWarning")  # this LuGre set is not passive
 def test_the_described_reference_drive_moves_as_its_golden_trajectory():
     """The whole way of a user: units, catalogue, `simulate` with its defaults, labelled results."""
-    import pneudrive as pn
-
     case, want = CASES["case_a"], golden("case_a")
     initial = pn.Initial(position="50 mm", pressure_a="3 bar abs", pressure_b="3 bar abs")
     run = pn.simulate(pn.Drive.load("catalogue:reference"), "0 s: 0.6, 1 s: -0.6", "2 s", initial=initial)

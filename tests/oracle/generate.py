@@ -1,7 +1,7 @@
 """Write the golden trajectories: ``python tests/oracle/generate.py [NAME ...] [--check]``.
 
-Every case is integrated with Radau at 1e-11; ``--check`` integrates it again with DOP853 at 1e-12
-and stores the greatest differences in the case's provenance.
+Each `tests/golden/NAME.json` is a case, written by hand but for its provenance. It is integrated with Radau at 1e-11.
+``--check`` integrates it again with DOP853 at 1e-12 and stores the greatest differences in the case's provenance.
 """
 
 from __future__ import annotations
@@ -18,10 +18,9 @@ import scipy
 HERE = Path(__file__).resolve().parent
 sys.path.insert(0, str(HERE.parent))
 
-from oracle.cases import CASES  # noqa: E402
+from oracle.cases import CASES, GOLDEN  # noqa: E402
 from oracle.integrate import COLUMNS, run  # noqa: E402
 
-GOLDEN = HERE.parent / "golden"
 # Bits of the mantissa that are kept: 2^-37 = 7e-12 relative, below the integrations' own error
 # against each other, and the file compresses to two thirds.
 KEPT_BITS = 36
@@ -39,11 +38,10 @@ def trimmed(values: np.ndarray) -> np.ndarray:
 
 def generate(name: str, check: bool) -> str:
     """Write one case; return a line about it."""
-    case = CASES[name]()
+    case = CASES[name]
     (method, tol), (other_method, other_tol) = METHODS[case["drive"]["friction"]["law"]]
     started = time.perf_counter()
     times, states, statistics = run(case, method, tol)
-    case["description"] = (CASES[name].__doc__ or "").strip()
     case["provenance"] = {
         "made_by": "tests/oracle/generate.py",
         "method": f"SciPy {scipy.__version__} {method}, rtol {tol:g}",
