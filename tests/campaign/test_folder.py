@@ -14,13 +14,13 @@ import pytest
 from campaign.fake_rig import FakeRig, contents, protocol
 from oracle.campaigns import rewrite
 from pneudrive.campaign.cycle import Cycle
-from pneudrive.campaign.status import status_of
 from pneudrive.campaign.storage.folder import (
     Campaign,
     CycleFile,
     Head,
     create,
     read_samples,
+    status_of,
     steps_from_motion,
     tidy,
     write_cycle,
@@ -121,7 +121,7 @@ def test_a_foreign_file_is_a_problem_of_its_own(folder, content, what):
         ({"pressure_a_pa": None}, "cycle.pressure_a_pa is missing"),
         ({"pressure_b_pa": -1.0}, "positive"),
         ({"speed_m_s": "50 mm/s"}, "the value is a number"),
-        ({"steps": [{"to": 1.0}]}, "a step has to_m and speed_m_s, or duration_s"),
+        ({"steps": [{"to": 1.0}]}, "a step needs either to_m and speed_m_s, or duration_s"),
         ({"steps": [{"to_m": "far", "speed_m_s": 0.1}]}, "cycle.steps.0.to_m = 'far'"),
     ],
 )

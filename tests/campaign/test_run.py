@@ -21,10 +21,9 @@ from oracle.rig_faults import Fault, FaultyRig
 from pneudrive.campaign.run import DONE, ENDED, resume_campaign, run_campaign
 from pneudrive.campaign.running import campaign_run
 from pneudrive.campaign.running.live import Display
-from pneudrive.campaign.status import status_of
 from pneudrive.campaign.storage import control as storage
 from pneudrive.campaign.storage.control import ABORT, PAUSE, RESUME, STOP, FolderLock, ask, holder, wait_for
-from pneudrive.campaign.storage.folder import Campaign
+from pneudrive.campaign.storage.folder import Campaign, status_of
 from pneudrive.errors import CampaignError, ConnectionLostError, ProtocolError, RigError
 
 HERE = Path(__file__).parent

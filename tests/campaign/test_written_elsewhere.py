@@ -10,8 +10,7 @@ import pytest
 
 from pneudrive.campaign.cycle import KINDS, Cycle, Head
 from pneudrive.campaign.running.attempt import FLAGS
-from pneudrive.campaign.status import preliminary_frictions, status_of
-from pneudrive.campaign.storage.folder import COLUMNS, Campaign
+from pneudrive.campaign.storage.folder import COLUMNS, Campaign, preliminary_frictions, status_of
 from pneudrive.friction.campaign.reading import read_part
 from pneudrive.friction.strokes import Settled
 from pneudrive.rig.interface import Identity

@@ -194,16 +194,19 @@ def test_what_was_not_recorded_is_refused(recorded):
 
 
 def test_a_campaign_that_somebody_else_wrote(recorded, tmp_path):
-    """Without an envelope, the limits are the range of the recordings. Without steps, speed and stop are compared."""
+    """Without an envelope, the rig file states the limits. Without steps, speed and stop are compared."""
     shutil.copytree(recorded, tmp_path / "plain")
     (tmp_path / "plain" / "campaign.json").write_text("{}")
-    low, high = load_rig(recorded).limits().position_m
-    assert load_rig(tmp_path / "plain").limits().position_m == pytest.approx((low, high), abs=2e-3)  # less the margin
+    with pytest.raises(RigError, match=r"(?s)limits of the rig\..*plain/campaign.json.*\[limits\] in the rig file"):
+        load_rig(tmp_path / "plain")
+    limits = 'position = "5 mm .. 295 mm", speed = "1 m/s", force = "150 N", temperature = "15 degC .. 30 degC"'
+    limits += ', acceleration = "5 m/s2", jerk = "200 m/s3", pressure = "0 bar gauge .. 1.5 bar gauge"'
+    (tmp_path / "plain.toml").write_text(f'kind = "replay"\nfolder = "plain"\nlimits = {{ {limits} }}')
     for path in (tmp_path / "plain" / "cycles").iterdir():
         head = json.loads(pl.read_parquet_metadata(path)["pneudrive"])
         del head["cycle"]["steps"]
         pl.read_parquet(path).write_parquet(path, metadata={"pneudrive": json.dumps(head)})
-    rig = load_rig(tmp_path / "plain")
+    rig = load_rig(tmp_path / "plain.toml")
     file = next(file for file in Campaign.open(recorded).cycles() if file.cycle.kind == "sweep")
     rig.set_pressure(file.cycle.pressure_a_pa, file.cycle.pressure_b_pa)
     played = Samples.join(list(rig.acquire(file.cycle.steps, file.cycle.sampling)))

@@ -18,8 +18,8 @@ import pneudrive as pn
 from page.conftest import DRIVE, ROOT, Server, Tab
 from pneudrive.campaign.planning.plan import lay_out
 from pneudrive.campaign.planning.protocol import read_protocol
-from pneudrive.campaign.status import status_of
 from pneudrive.campaign.storage.control import holder
+from pneudrive.campaign.storage.folder import status_of
 from pneudrive.characterise import load_recordings, write_map
 from pneudrive.identify.static.result import FrictionFit
 from pneudrive.rig import load_rig

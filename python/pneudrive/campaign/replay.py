@@ -24,10 +24,6 @@ from pneudrive.rig.motion import in_parts, keep_pace
 from pneudrive.rig.rig_file import RigFile
 
 SHOWN = 6
-# Axis limits of a rig known only from recordings (assumed). A plan computes the ends of its ramps from them.
-ASSUMED_ACCELERATION_M_S2, ASSUMED_JERK_M_S3 = 5.0, 200.0
-ANY_TEMPERATURE_K = (0.0, 1000.0)
-NO_LIMIT_N = 1e9
 SAME_POSITION_M = 1e-3
 # Default differences between a request and its recording: relative for speeds and stops, Pa for pressures.
 SPEED_TOLERANCE, PRESSURE_TOLERANCE_PA = 0.05, 2000.0
@@ -98,9 +94,7 @@ class ReplayRig:
         pace: float | None,
         file: ReplayFile,
     ) -> None:
-        self.files, self.pace = tuple(files), pace
-        self.speed_tolerance = file.speed_tolerance
-        self.pressure_tolerance_pa = file.pressure_tolerance_pa
+        self.files, self.pace, self.file = tuple(files), pace, file
         self._identity, self._limits = identity, limits
         self._played = dict.fromkeys((file.name for file in files), 0)
         self._key = ""
@@ -115,7 +109,7 @@ class ReplayRig:
         return self._identity
 
     def limits(self) -> Envelope:
-        """Return the limits of the rig if they are known, otherwise the range of the recordings."""
+        """Return the limits of the rig file, otherwise those of the recorded rig."""
         return self._limits
 
     def state(self) -> RigState:
@@ -188,8 +182,8 @@ class ReplayRig:
 
         def fits(cycle: Cycle) -> bool:
             is_mounted = all(cycle.levels.get(factor, level) == level for factor, level in self._levels.items())
-            is_near = is_mounted and self._apart_pa(cycle) <= self.pressure_tolerance_pa
-            return is_near and matches(steps, cycle, self.speed_tolerance)
+            is_near = is_mounted and self._apart_pa(cycle) <= self.file.pressure_tolerance_pa
+            return is_near and matches(steps, cycle, self.file.speed_tolerance)
 
         matching = [file for file in self.files if fits(file.cycle)]
         if matching:
@@ -204,7 +198,7 @@ class ReplayRig:
 
         nearest = "; ".join(map(_described, sorted(self.files, key=distance)[:SHOWN]))
         asked = {"moves": len(moves), "speed": 1e3 * wanted, "stop": stop, "pressures": _bar(self._state)}
-        asked |= {"percent": 100 * self.speed_tolerance, "mbar": self.pressure_tolerance_pa / 100}
+        asked |= {"percent": 100 * self.file.speed_tolerance, "mbar": self.file.pressure_tolerance_pa / 100}
         raise RigError.of("campaign.no-recording", where=self._key or None, nearest=nearest, **asked)
 
     def _play(self, file: CycleFile, samples: Samples) -> Iterator[Samples]:
@@ -252,12 +246,12 @@ class ReplayFile(RigFile):
 def load_replay(source: str | Path, seed: int, pace: float | None) -> ReplayRig:
     """Make a rig from a campaign folder, or from a rig file that names one.
 
-    The limits are those of the rig file, otherwise those of the original rig, otherwise the range of the recordings.
+    The limits are those of the rig file, otherwise those of the original rig.
 
     Raises
     ------
     RigError, CampaignError
-        If the folder or file is invalid. The message gives file, value, rule and remedy.
+        If the folder or file is invalid, or neither states the limits. The message gives file, value, rule and remedy.
     """
     is_folder = Path(source).is_dir()
     file = ReplayFile(folder=str(source)) if is_folder else ReplayFile.load(source)
@@ -269,36 +263,8 @@ def load_replay(source: str | Path, seed: int, pace: float | None) -> ReplayRig:
     files = [file for file in campaign.cycles() if file.cycle.kind != "operator"]
     if not files:
         raise RigError("the campaign has no finished cycle to play", where=folder)
-    identity, envelope = identity or campaign.identity, campaign.about.get("envelope")
-    limits = limits or (envelope_of(envelope, str(folder / ABOUT)) if envelope else _envelope(files, identity))
-    return ReplayRig(files, identity, limits, pace, file)
-
-
-def _envelope(files: Sequence[CycleFile], identity: Identity) -> Envelope:
-    """Return the limits of a rig that is known only from recordings: the range that all recordings cover."""
-    ends: list[float] = []
-    for file in files:
-        moves = [move.to_m for move in moves_of(file.cycle.steps)]
-        if not file.cycle.steps:  # without steps in the header, the range of the samples
-            position = file.samples().position_m
-            ends += [float(np.nanmin(position)), float(np.nanmax(position))]
-        elif len(moves) > 1:
-            ends += moves
-    if not ends:
-        raise RigError(
-            "no recording moves in both directions", rule="without such a recording the range of the axis is unknown"
-        )
-    pressures = [pressure for file in files for pressure in file.cycle.pressures_pa]
-    force = identity.limits.get("force_n", (-NO_LIMIT_N, NO_LIMIT_N))
-    return Envelope(
-        position_m=(min(ends), max(ends)),
-        speed_m_s=max((speed for file in files for speed in speeds_of(file.cycle)), default=0.0)
-        * (1.0 + SPEED_TOLERANCE),
-        acceleration_m_s2=ASSUMED_ACCELERATION_M_S2,
-        jerk_m_s3=ASSUMED_JERK_M_S3,
-        force_n=min(map(abs, force)),
-        pressure_pa=(min(*pressures, identity.ambient_pressure_pa), max(pressures) + PRESSURE_TOLERANCE_PA),
-        separate_pressures=True,
-        temperature_k=ANY_TEMPERATURE_K,
-        home_m=min(ends),
-    )
+    if limits is None:
+        if not (envelope := campaign.about.get("envelope")):
+            raise RigError.of("campaign.no-limits", where=folder / ABOUT)
+        limits = envelope_of(envelope, str(folder / ABOUT))
+    return ReplayRig(files, identity or campaign.identity, limits, pace, file)

@@ -35,12 +35,12 @@ from pneudrive.lazy_names import used_later
 
 with used_later(__name__):
     from pneudrive.campaign import run as campaigns
-    from pneudrive.campaign import status as statuses
     from pneudrive.campaign.planning import plan as plans
     from pneudrive.campaign.planning import preflight
     from pneudrive.campaign.planning import protocol as protocols
     from pneudrive.campaign.running import live
     from pneudrive.campaign.storage import control
+    from pneudrive.campaign.storage import folder as folders
     from pneudrive.rig import interface, rig_file
 
 
@@ -142,7 +142,7 @@ def status(folder: Path) -> None:
     --------
     pneudrive campaign status first-look
     """
-    state = statuses.status_of(folder)
+    state = folders.status_of(folder)
     about = state.campaign.about
     synthetic = " (synthetic)" if state.campaign.synthetic else ""
     typer.echo(f"{about.get('name') or folder}{synthetic}, rig {state.campaign.identity.name}")

@@ -264,12 +264,8 @@ def lines(
 
 def _save_tubes(study: xr.Dataset, path: Path) -> None:
     """Write a row for each length and bore, with units in the column names."""
-    import numpy as np
-
-    wide, long = np.meshgrid(study.diameter.to_numpy(), study.length.to_numpy(), indexing="ij")
-    columns = {"diameter_m": wide.ravel(), "length_m": long.ravel()}
-    for name, values in study.data_vars.items():
-        columns[units.column_name(str(name), values.attrs["units"])] = values.to_numpy().ravel()
+    table = study.to_dataframe().reset_index()
+    columns = {units.column_name(name, study[name].attrs["units"]): values.to_numpy() for name, values in table.items()}
     trajectory.save_columns(columns, dict(study.attrs), path)
 
 

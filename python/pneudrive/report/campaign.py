@@ -18,7 +18,7 @@ from pneudrive.friction.friction_map import BOTH, CHAMBERS, LEVELS, PA_PER_BAR, 
 from pneudrive.friction.sentences import Statement, flag_table
 from pneudrive.numbers import plain, with_interval, with_u
 from pneudrive.report import page
-from pneudrive.report.page import MM, Paragraph, Topic, condition_names, figure_of, plural, spread_evenly
+from pneudrive.report.page import MM, Blocks, Paragraph, Topic, condition_names, figure_of, plural, spread_evenly
 from pneudrive.views import MOST_LEADING, Finding, ShownFigure, ShownValue, State, View, worst
 
 if TYPE_CHECKING:
@@ -28,7 +28,6 @@ if TYPE_CHECKING:
     from pneudrive.friction.campaign.compare import Comparison, CurveComparison
     from pneudrive.friction.campaign.result import CampaignCharacteristics
     from pneudrive.friction.campaign.stops.dwell_law import DwellSeries
-    from pneudrive.report.page import Blocks, Section
 
 MOST_CURVES = 8  # that a reader can distinguish in one picture
 MOST_PANELS = MOST_LOOPS = 6
@@ -92,7 +91,7 @@ def campaign_view(found: CampaignCharacteristics) -> View:
     )
 
 
-def shown_figures(sections: Iterable[Section]) -> tuple[ShownFigure, ...]:
+def shown_figures(sections: Iterable[page.Section]) -> tuple[ShownFigure, ...]:
     """Return the figures of sections for a view."""
     return tuple(block for section in sections for block in section.blocks if isinstance(block, ShownFigure))
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.arrays import evenly
+from pneudrive.arrays import Array, Columns, Pair, evenly
 from pneudrive.errors import CommandError, package_table
 from pneudrive.figures import Axis, Drawing, Figure, Line, Panel, PenStroke, look, thin
 from pneudrive.platforms.kinematics import LEAST_SINGULAR_VALUE, Platform, motion_of, platform_outputs, pose_columns
@@ -26,8 +26,6 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
     from PIL import Image
-
-    from pneudrive.arrays import Array, Columns, Pair
 
 
 # --- A platform on legs as lines in one isometric projection, for SVG text, figures and the page.

@@ -18,13 +18,13 @@ from pneudrive import figures
 from pneudrive.errors import RecordingError
 from pneudrive.figures import THIN, Axis, Band, Figure, Line, Look, Markers, Panel, Rule, look, ramp, stack, thin
 from pneudrive.friction.budget import COVERAGE_FACTOR
-from pneudrive.friction.characterisation import MINIMUM_RANGE_PA, NET, ClosureFit, PressureLine
+from pneudrive.friction.characterisation import MINIMUM_RANGE_PA, NET, Characterisation, ClosureFit, PressureLine
 from pneudrive.friction.friction_map import ALL_RECORDINGS, MapGroup, bar, group_of, groups_of
 from pneudrive.friction.sentences import flag_findings
 from pneudrive.identify.static.result import FrictionFit
 from pneudrive.numbers import fixed, plain
 from pneudrive.report import campaign, page
-from pneudrive.report.page import Paragraph, Report, Topic, figure_of
+from pneudrive.report.page import Blocks, Fits, Paragraph, Report, Topic, figure_of
 from pneudrive.report.render import DrawnFigure, draw_figure
 from pneudrive.signals.motion import Stroke, find_strokes, local_slope
 from pneudrive.signals.recording import Recording, clean
@@ -38,8 +38,6 @@ if TYPE_CHECKING:
 
     from pneudrive.arrays import Array
     from pneudrive.friction.campaign.result import CampaignCharacteristics
-    from pneudrive.friction.characterisation import Characterisation
-    from pneudrive.report.page import Blocks, Fits
     from pneudrive.signals.proposal import Proposal
 
 #: Parts common to recordings and campaigns.
@@ -626,16 +624,6 @@ def provenance(topic: Topic, found: Characterisation) -> Blocks:
     """Show whether the data are real, the software, and the sources of the methods."""
     yield topic.text("synthetic" if found.synthetic else "real")
     yield topic.table([*page.software(), ("protocol of the characterisation", found.protocol)])
-    # Notes on origin and licence in the folders of the recordings, or one folder above.
-    sources = (Path(recording.source) for recording in found.recordings if recording.source is not None)
-    folders = dict.fromkeys(folder for source in sources for folder in source.parents[:2])
-    for note in (folder / "SOURCE.md" for folder in folders if (folder / "SOURCE.md").is_file()):
-        yield topic.text("note", note=f"{note.parent.name}/{note.name}")
-        try:
-            text = note.read_text("utf-8", errors="replace")[:3000].strip()
-        except OSError as error:
-            text = f"(it cannot be read: {error.strerror})"
-        yield Paragraph(text, "code")
     yield from topic.listed(page.references(topic.texts["cites"]), "sources")
 
 

@@ -22,7 +22,6 @@ if TYPE_CHECKING:
     import polars as pl
 
     from pneudrive.arrays import Keyed
-    from pneudrive.report.page import Blocks
     from pneudrive.validate.motion import MotionValidation
 
 MOST_RECORDS, MOST_STOPS = 6, 60
@@ -148,7 +147,7 @@ def write_validation_report(found: Validation, folder: str | Path) -> Path:
     return view_report(found.view(), *parts, synthetic=found.synthetic).write(folder)
 
 
-def _noise(topic: Topic, found: Validation) -> Blocks:
+def _noise(topic: Topic, found: Validation) -> page.Blocks:
     rows = []
     for record in found.records:
         for column, channel in record.channels.items():

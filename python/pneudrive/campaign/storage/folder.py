@@ -1,6 +1,6 @@
 """The campaign folder: one Parquet file per cycle, written completely or not at all.
 
-The list of files is the catalogue.
+The list of files is the catalogue. `status_of` returns the progress of a campaign.
 
 - ``campaign.toml``: the protocol as run
 - ``campaign.json``: schema, name, seed, operator, labels, created, version
@@ -15,7 +15,9 @@ from __future__ import annotations
 import hashlib
 import json
 import re
+from collections import Counter
 from collections.abc import Collection, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
@@ -28,8 +30,8 @@ from pneudrive.arrays import Array, Bools, Ints, Plain, attributes_of
 from pneudrive.batching import many_objects
 from pneudrive.campaign.cycle import SCHEMA, Cycle, Head, check_schema, read_head
 from pneudrive.campaign.planning.preflight import Plan
-from pneudrive.campaign.storage.control import FOLDER, PART, clear_errors, make_folder, write_whole
-from pneudrive.errors import CampaignError, PneudriveError, RecordingError
+from pneudrive.campaign.storage.control import FOLDER, PART, Holder, clear_errors, holder, make_folder, write_whole
+from pneudrive.errors import CampaignError, PneudriveError, ProtocolError, RecordingError
 from pneudrive.files.content import exists, read_json, read_text
 from pneudrive.files.seal import sealed_parquet
 from pneudrive.files.tables import read_columns, read_texts
@@ -531,3 +533,96 @@ def plan_of(campaign: Campaign, *, checked: bool = True) -> Plan:
     protocol = parse_protocol(text, str(campaign.path / PROTOCOL))
     envelope = envelope_of(limits, str(campaign.path / ABOUT), CampaignError)
     return (lay_out if checked else draft)(protocol, campaign.identity, envelope)
+
+
+# --- Progress of a campaign, and preliminary friction of its finished cycles.
+
+
+@dataclass(frozen=True, repr=False)
+class Status(Shown):
+    """Progress of a campaign.
+
+    Attributes
+    ----------
+    campaign : Campaign
+    files : tuple of CycleFile
+        Finished cycles.
+    planned : int or None
+        Number of cycles in the plan; None if the folder holds no plan.
+    extra : int
+        Number of finished cycles that the plan does not list, from an adaptive campaign of an earlier version.
+    remaining_s : float or None
+        Remaining time on the rig's clock.
+    flags : dict
+        Flag -> number of cycles with it.
+    problems : tuple of Problem
+    holder : Holder or None
+        Process that works on the campaign now.
+    """
+
+    campaign: Campaign
+    files: tuple[CycleFile, ...]
+    planned: int | None
+    extra: int
+    remaining_s: float | None
+    flags: dict[str, int]
+    problems: tuple[Problem, ...]
+    holder: Holder | None
+
+    @property
+    def to_do(self) -> int | None:
+        """Planned cycles that are not finished."""
+        return None if self.planned is None else self.planned - (len(self.files) - self.extra)
+
+
+def status_of(folder: str | Path) -> Status:
+    """Return the status of a campaign folder. The campaign may be running. Every file is checked by its checksum.
+
+    Files from other programs have no checksum. A note in `problems` counts them. `pneudrive characterise` checks them.
+
+    Raises
+    ------
+    CampaignError
+        If the folder is not a campaign.
+    """
+    campaign = Campaign.open(folder)
+    files, problems = campaign.scan()
+    foreign = sum(not file.sealed for file in files)
+    if foreign:
+        note = f"{foreign} of {len(files)} files have no checksum; `pneudrive characterise` checks their samples"
+        problems.append(Problem(CYCLES, note, lost=False))
+    done = {file.cycle.key for file in files}
+    planned, remaining, extra = None, None, 0
+    with suppress(CampaignError, ProtocolError):  # written by another program: no plan is known
+        plan = plan_of(campaign, checked=False)  # it was before the first cycle
+        keys = {cycle.key for cycle in plan.cycles}
+        planned, remaining, extra = len(keys), plan.remaining_s(done), len(done - keys)
+    flags = Counter(flag for file in files for flag, count in file.head.flags.items() if count)
+    return Status(
+        campaign, tuple(files), planned, extra, remaining, dict(flags), tuple(problems), holder(campaign.path)
+    )
+
+
+def preliminary_frictions(sweeps: Sequence[CycleFile], identity: Identity) -> list[float]:
+    """Return the mean friction of each sweep, in N; NaN if its samples do not suffice.
+
+    Raises
+    ------
+    CampaignError
+        If a file is damaged.
+    """
+    from pneudrive.friction.level import extract
+    from pneudrive.friction.strokes import Settled
+
+    frictions = []
+    for file, samples in zip(sweeps, read_samples(sweeps), strict=True):
+        if isinstance(samples, CampaignError):
+            raise samples
+        speed = file.cycle.speed_m_s or 0.0
+        try:
+            recording, _ = recording_of(file, identity, samples)
+            levels = extract(recording, Settled()).levels
+            frictions.append(min(levels, key=lambda level: abs(level.speed_m_s - speed)).friction_n)
+        except RecordingError:
+            frictions.append(np.nan)
+    return frictions

@@ -13,9 +13,8 @@ from pydantic import StrictFloat
 from pneudrive.arrays import Pair, Plain, attributes_of, by_name
 from pneudrive.campaign.cycle import Cycle
 from pneudrive.campaign.running.live import read_live
-from pneudrive.campaign.status import Status, preliminary_frictions, status_of
 from pneudrive.campaign.storage.control import ask, holder, user
-from pneudrive.campaign.storage.folder import CYCLES, LOG
+from pneudrive.campaign.storage.folder import CYCLES, LOG, Status, preliminary_frictions, status_of
 from pneudrive.errors import CommandError
 from pneudrive.web.jobs import READY, RIG, JobRequest, check_folder, folder_name
 from pneudrive.web.messages import bounded, pack, python, shell, words

@@ -15,10 +15,11 @@ from pydantic import Field, FiniteFloat
 from pneudrive.arrays import Array, Ints, Plain
 from pneudrive.campaign.planning.next_points import limits_of
 from pneudrive.errors import CommandError, PneudriveError
-from pneudrive.figures import Axis, Figure, Line, Markers, Panel
+from pneudrive.figures import Axis, Figure, Line, Panel
 from pneudrive.friction.friction_map import SAME_PA, alike, bar, groups_of, read_map
 from pneudrive.identify.design import next_measurements
 from pneudrive.identify.files import AnyFit, read_fit
+from pneudrive.identify.identified import comparison_figure
 from pneudrive.identify.static.fit import fit_file
 from pneudrive.identify.static.result import PROBABILITIES, FrictionFit, SlidingFit, ellipses, profiles, with_map
 from pneudrive.rig.rig_file import load_rig
@@ -231,7 +232,6 @@ def behind_fit(workspace: Workspace, path: str) -> Plain:
         why = "Residuals and profiles need the map of the fit, but this map was removed or changed."
     else:
         table = read_map(workspace.path(edge.path))
-        data = with_map(fit, table).compared()["friction"]
         copied = ""
         if isinstance(fit, FrictionFit) and fit.model.knee_pa is None:
             copied = "ends = profiles(fit, curves)\n"
@@ -244,9 +244,7 @@ def behind_fit(workspace: Workspace, path: str) -> Plain:
                 line = Line(at[known], np.array(percent)[known])
                 panels.append(Panel([line], f"Profile of {name}", axis, "probability of the interval, %"))
             figures.insert(0, ShownFigure("Profiles", PROFILES, Figure(panels, columns=3)))
-        points = Panel([Markers(data.at, data.measured - data.model, size=3.0)])
-        rest = Figure([points], Axis("speed / mm/s", "log"), Axis("measured minus fitted friction / N"))
-        figures.insert(0, ShownFigure("Residuals over speed", "", rest))
+        figures.insert(0, ShownFigure("Residuals over speed", "", comparison_figure(with_map(fit, table).compared())))
         lines["command"] = shell("report", path, map=edge.path, out=f"{path.removesuffix('.toml')}-report")
         lines["python"] = python("fit", map=edge.path, fit=path, profiles=copied)
     return {"designs": isinstance(fit, FrictionFit), "view": View(why, figures=figures).data(), **lines}
