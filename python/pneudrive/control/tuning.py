@@ -642,7 +642,7 @@ def limitations(tuning: Tuning, setup: instrumentation.Setup) -> Iterator[str]:
     if plant.left_out:
         yield (
             f"The law does not model {', '.join(plant.left_out)}, except the volume of tubes at the chambers: it "
-            "assumes a valve at the cylinder and a constant supply pressure; speed and lag leave these parts out too."
+            "assumes a valve at the cylinder and a constant supply pressure. Speed and lag do not include these parts."
         )
     yield f"References within {1e3 * plant.stroke_m:g} mm and up to the steady speed are accepted."
     assumed = [gain.key for gain in tuning.numbers if "assumed" in gain.rule and not gain.given]

@@ -149,7 +149,7 @@ def column_unit(text: str, si_unit: str) -> ColumnUnit:
 def uncertainty(text: str, si_unit: str) -> float:
     """Read a standard uncertainty. For a pressure it is a difference, without "gauge" or "abs"."""
     if si_unit == "Pa" and isinstance(text, str) and split_mark(text)[1]:
-        raise DescriptionError(f'uncertainty "{text}": gauge and abs do not apply to a difference')
+        raise DescriptionError(f'uncertainty "{text}": an uncertainty cannot be gauge or abs')
     value = parse(text, si_unit)
     if value < 0:
         raise DescriptionError(f'uncertainty "{text}" is negative', rule="an uncertainty must not be negative")

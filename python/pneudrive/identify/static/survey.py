@@ -428,5 +428,5 @@ def row_labels(friction_map: xr.Dataset, labels: str | Sequence[str]) -> NDArray
             raise FitError(f"the friction map has no column {labels!r}", remedy=nearest(labels, known))
         return friction_map[labels].to_numpy().astype(str)
     if len(labels) != rows:
-        raise FitError("one label is needed for each row", value=f"{len(labels)} labels, {rows} rows")
+        raise FitError("each row needs one label", value=f"{len(labels)} labels, {rows} rows")
     return np.array([str(label) for label in labels])

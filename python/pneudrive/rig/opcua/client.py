@@ -239,7 +239,7 @@ class OpcUaRig:
         """
         before, number, self._known = self._known, self._link.number, self._link.number
         if number != before:
-            raise self._back("waiting", "the server was unreachable in between")
+            raise self._back("waiting", "the server was unreachable in the meantime")
         try:
             yield
             if self._link.number != number:
