@@ -117,7 +117,7 @@ def resume(
     Options
     -------
     rig : RIG
-        Rig; may be left out for a simulated rig or a replay, which the folder names.
+        Rig. For a simulated rig or a replay, the folder names the rig.
     allow_code : SHA256
         Allow the code that the folder names, if its file has this SHA-256.
 
@@ -160,7 +160,7 @@ def status(folder: Path) -> None:
 
 
 def pause(folder: Path, *, now: bool = False) -> None:
-    """Pause a campaign in another process, after its cycle or now.
+    """Pause a campaign in another process, after the running cycle or now.
 
     Options
     -------
