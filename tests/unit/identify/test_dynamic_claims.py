@@ -229,7 +229,7 @@ def test_a_shut_valve_ends_in_words(run):
     columns = {"time_s": run.time.to_numpy(), "command": np.zeros(run.time.size), "position_m": shut["position"]}
     columns |= {f"{name}_pa": shut[name] for name in ("pressure_a", "pressure_b")}
     fit = pn.identify(pn.Drive.load("catalogue:reference"), columns, ["valve.conductance", "cylinder.heat_transfer"])
-    assert "valve.conductance cannot be determined: the recordings do not depend on it" in "\n".join(fit.statements())
+    assert "valve.conductance cannot be determined: the recordings do not depend on this" in "\n".join(fit.statements())
 
 
 # --- Correlations in words and the block bootstrap, on simulated maps.

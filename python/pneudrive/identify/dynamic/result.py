@@ -371,10 +371,10 @@ def _lost(fit: DriveFit, ends: NamedIntervals, sizes: Array, weak: Array) -> lis
         part = [n for n, share in zip(names, direction, strict=True) if abs(share) > TAKES_PART]
         for n in part:
             if others := [m for m in part if m != n]:
-                reason = f"it can change together with {', '.join(others)} without an effect on the recordings"
+                reason = f"this value can change together with {', '.join(others)} without an effect on the recordings"
                 rest = f"{remedy_for(n)}; or fix {' or '.join(others)}"
             else:
-                reason, rest = "the recordings do not depend on it", remedy_for(n)
+                reason, rest = "the recordings do not depend on this value", remedy_for(n)
             out.setdefault(n, Undetermined(n, reason, rest))
     for i, n in enumerate(names):
         lower, upper = ends[n]
@@ -383,10 +383,10 @@ def _lost(fit: DriveFit, ends: NamedIntervals, sizes: Array, weak: Array) -> lis
         factor, unit = readable(fit.units[n])
         reason = f"anything from {plain(lower / factor)} to {plain(upper / factor)} {unit}".rstrip() + " fits"
         if upper > NO_EFFECT * lower > 0.0:
-            reason = "the recordings do not depend on it"
+            reason = "the recordings do not depend on this value"
         partners = [m for j, m in enumerate(names) if j != i and abs(correlation[i, j]) > TOGETHER]
         if partners:
-            reason += f"; it is determined only together with {', '.join(partners)}"
+            reason += f"; this value is determined only together with {', '.join(partners)}"
         out[n] = Undetermined(n, reason, remedy_for(n))
     return [out[n] for n in names if n in out]
 
