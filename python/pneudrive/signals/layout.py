@@ -52,7 +52,7 @@ _Place = Annotated[int | str | None, Reads(_place)]
 
 def _scale(given: object) -> float:
     if Quantity("").read(given) == 0.0:
-        raise DescriptionError("scale = 0 makes all values equal", rule="SI value = (raw * scale + offset) in its unit")
+        raise DescriptionError("scale = 0 makes all values equal", rule="value in its unit = raw * scale + offset")
     return Quantity("").read(given)
 
 
@@ -146,7 +146,7 @@ class TimeColumn(Column):
         if self.column is not None and self.unit is None:
             raise wrong("unit", "unit is missing", remedy='time = { column = 0, unit = "s" }')
         if "date_format" in self.model_fields_set and self.date is None:
-            raise wrong("date_format", f"date_format = {self.date_format!r}", rule="it needs a date column: date = 0")
+            raise wrong("date_format", f"date_format = {self.date_format!r}", rule="a date column is needed: date = 0")
         return self
 
 
