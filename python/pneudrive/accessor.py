@@ -188,7 +188,7 @@ class Pneu:
             raise CommandError(
                 f'"{drive.name}" is a circuit',
                 rule="strokes are defined only for one drive with one command",
-                remedy="run.pneu.info(circuit) has impacts, peak pressures and air.",
+                remedy="run.pneu.info(circuit) shows impacts, peak pressures and air.",
             )
         if self._run.attrs.get("description_hash") != drive.description_hash or "command" not in self._run:
             raise CommandError(
