@@ -23,7 +23,6 @@ import pneudrive as pn
 from oracle import fmu_calls
 from pneudrive import _core
 from pneudrive.cli.main import run as command_line
-from pneudrive.describe.system import compiled
 from pneudrive.errors import CommandError, DescriptionError
 from pneudrive.fmu import package
 from pneudrive.fmu.variables import plan_of
@@ -290,7 +289,7 @@ def test_variables_of_circuits_of_all_kinds_have_one_name_and_the_unit_of_the_co
     for number in range(50):
         _, circuit, _ = random_circuits.case(20_000, number)
         plan = plan_of(circuit)  # two variables of one name end it
-        units = dict(compiled(circuit.core_json()).start(plan.start, 1e-6).states)
+        units = dict(circuit.system.compiled().start(plan.start, 1e-6).states)
         for name, one in circuit.components.items():
             units |= {f"{name}.{own['name']}": own["unit"] for own in one.entry["outputs"]}
             seen.add(one.entry["kind"])

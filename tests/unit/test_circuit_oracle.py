@@ -12,7 +12,6 @@ import pytest
 import pneudrive as pn
 from oracle.circuit_cases import CASES, Case
 from oracle.generate_circuits import GOLDEN, model_hash
-from pneudrive.describe.system import compiled
 from pneudrive.errors import CommandError, DescriptionError, SimulationError
 
 #: m for positions of masses; of its range for any other column. Asked are 1 um and 1e-4.
@@ -235,7 +234,7 @@ def test_members_of_one_topology_differ_in_numbers_alone():
     law = DISCHARGE | {"components": DISCHARGE["components"] | {"tank": {"kind": "tank", "volume": "2 l"}}}
     circuit = pn.Circuit(**law)
     volumes = np.array([[1e-3], [2e-3], [5e-3]])
-    members = compiled(circuit.core_json()).members(["tank.volume"], volumes)
+    members = circuit.system.compiled().members(["tank.volume"], volumes)
     assert len(members) == 3
     for member, (volume,) in enumerate(volumes):
         changed = pn.Circuit(**DISCHARGE | {"components": DISCHARGE["components"] | {
@@ -246,7 +245,7 @@ def test_members_of_one_topology_differ_in_numbers_alone():
             one.advance(0.3)
         assert session.read("tank.pressure_pa") == alone.read("tank.pressure_pa")
     with pytest.raises(ValueError, match=r"tank\.volume = -1 m3 is out of bounds"):
-        compiled(circuit.core_json()).members(["tank.volume"], np.array([[-1.0]]))
+        circuit.system.compiled().members(["tank.volume"], np.array([[-1.0]]))
 
 
 def test_a_piston_in_the_open_air_stops_where_friction_and_spring_have_taken_its_energy():

@@ -252,9 +252,9 @@ def identify(
     if follow is not None:
         one_of("--follow", follow, {"motion": None})
         result: Any = pn.identify_motion(drive, recordings, names or ["volumes", "heat"], layout=layout, progress=tell)
-    elif volume.Regulator.is_file(drive):
+    elif "regulator" in (tables := toml.tables_in(drive)):
         result = pn.identify_regulator(drive, recordings, layout)
-    elif pn.Tank.is_file(drive):
+    elif "volume" in tables:
         if sensor:
             raise CommandError.of("cli.tank", where=drive, name="sensor")
         result = pn.identify_volume(pn.Tank.load(drive), recordings, names or None, layout=layout, progress=tell)

@@ -16,7 +16,7 @@ from pneudrive.control.references import ReferenceOrFile, beyond_stroke, check_r
 from pneudrive.control.scores import air_of, score_of
 from pneudrive.control.setup import CHANNEL_UNITS, Setup, SetupOrFile, read_setup, ready_setups, told
 from pneudrive.control.tuning import Controller, ControllerOrFile, Plant, Tuning, laws, tune
-from pneudrive.describe.system import compiled
+from pneudrive.describe.system import System
 from pneudrive.errors import CommandError, PneudriveError, SimulationError, warn
 from pneudrive.files.inputs import INPUTS, inputs_of
 from pneudrive.platforms import is_platform
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from pneudrive.arrays import Array, Pair, Plain
     from pneudrive.control.own_law import RunningLaw
     from pneudrive.describe import Circuit
-    from pneudrive.simulation.start import DriveOrCircuit, StartState
+    from pneudrive.simulation.session import DriveOrCircuit, StartState
 
 
 #: Fraction of each limit up to which a reference counts as feasible (assumed).
@@ -601,7 +601,7 @@ def run_axes(
     """
     try:
         return _core.control_run(
-            compiled(core_json),
+            System(core_json).compiled(),
             start,
             [(json.dumps(law), json.dumps(motion), json.dumps(setup)) for law, motion, setup in axes],
             outputs,

@@ -20,8 +20,7 @@ if TYPE_CHECKING:
     from control import StateSpace
 
     from pneudrive.arrays import Array, Pair
-    from pneudrive.simulation.session import Linear, Session
-    from pneudrive.simulation.start import DriveOrCircuit
+    from pneudrive.simulation.session import DriveOrCircuit, Linear, Session
 
 
 # --- Steady states of a drive: constant gas states, with the piston pinned or at a constant velocity.

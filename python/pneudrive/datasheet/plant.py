@@ -16,7 +16,6 @@ from pneudrive.arrays import Array, Keyed, NamedNumbers, Pair, Plain
 from pneudrive.constants import STANDARD_GRAVITY_M_S2
 from pneudrive.describe.circuit import Circuit
 from pneudrive.describe.drive import Drive
-from pneudrive.describe.system import compiled
 from pneudrive.describe.tables.valve_flow import EXHAUST, FLOW_KEYS, path_of
 from pneudrive.errors import CommandError, DescriptionError
 from pneudrive.identify.export import steady_friction
@@ -174,7 +173,7 @@ class HeldDrive:
             actuation = Actuation({self.valve: 1.0}, {self.valve: -1.0})
         self.actuation = actuation_of(self.circuit) if actuation is None else actuation
         self.load = f"{self.piston}.load_force_n"
-        self.core = compiled(self.circuit.core_json())
+        self.core = self.circuit.system.compiled()
         self.start_values = self.circuit.core_initial(None)
         ends = ".pressure_pa"
         self.nodes = tuple(name.removesuffix(ends) for name in self.core.start_names if name.endswith(ends))

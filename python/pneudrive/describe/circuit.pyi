@@ -22,13 +22,12 @@ from pneudrive.describe.components import (
     unusual as unusual,
     within_component as within_component,
 )
-from pneudrive.describe.connections import AMBIENT as AMBIENT, Part as Part, Wiring as Wiring
+from pneudrive.describe.connections import AMBIENT as AMBIENT, ARROW as ARROW, Part as Part, Wiring as Wiring
 from pneudrive.describe.files import catalogue as catalogue, toml as toml
 from pneudrive.describe.files.sourced import Value as Value
 from pneudrive.describe.formulas import formula_of as formula_of, law_of as law_of, read_file as read_file
 from pneudrive.describe.kinds import COMMAND as COMMAND, component_kinds as component_kinds
 from pneudrive.describe.marks import Positions as Positions, Signal as Signal
-from pneudrive.describe.short import Short as Short, TABLES as TABLES
 from pneudrive.describe.system import (
     DRIVE_NAMES as DRIVE_NAMES,
     DescribedSystem as DescribedSystem,
@@ -44,11 +43,16 @@ from pneudrive.describe.tables.starts import (
     start_place as start_place,
     start_values as start_values,
 )
-from pneudrive.describe.tables.valve_flow import without_other_sizes as without_other_sizes
+from pneudrive.describe.tables.valve_flow import (
+    FLOW_KEYS as FLOW_KEYS,
+    NEEDLE as NEEDLE,
+    without_other_sizes as without_other_sizes,
+)
 from pneudrive.errors import (
     DescriptionError as DescriptionError,
     Problems as Problems,
     invalid as invalid,
+    nearest as nearest,
     together as together,
     warn as warn,
     wrong as wrong,
@@ -61,6 +65,31 @@ from typing import Any, ClassVar, Literal
 
 _NAME: Incomplete
 STOP_KEYS: Incomplete
+TABLES: Incomplete
+CHAMBERS: Incomplete
+_CHECK: str
+_SAME: str
+
+class Short:
+    components: dict[str, dict[str, Any]]
+    places: dict[str, str]
+    chains: Incomplete
+    _given: Incomplete
+
+    def __init__(self, data: Keyed, problems: Problems) -> None: ...
+    def _add(self, name: str, place: str, table: Plain) -> None: ...
+    def located(self, key: str | None) -> str | None: ...
+
+def _tables(data: Keyed, problems: Problems) -> Plain: ...
+def _flow_control(table: Keyed, where: str) -> Plain: ...
+def _tube(table: Keyed, where: str) -> Plain: ...
+
+_ENDS: Incomplete
+TUBES: Incomplete
+_LINES: dict[str, tuple[str, str, Any]]
+
+def _chains(has: Keyed, data: Keyed) -> list[str]: ...
+def _has_ports(table: Keyed, *names: str) -> bool: ...
 
 class Circuit(DescribedSystem):
     file_kind: ClassVar[str]

@@ -13,13 +13,12 @@ from pydantic import Field, model_validator
 
 from pneudrive.arrays import Keyed, NamedNumbers, Plain
 from pneudrive.describe.base import as_tables, escaped, inline, key_of
-from pneudrive.describe.circuit import Circuit
+from pneudrive.describe.circuit import TABLES, Circuit, Short
 from pneudrive.describe.components import merge, unusual
 from pneudrive.describe.files import catalogue, provenance, sourced, toml
 from pneudrive.describe.files.provenance import Origin
 from pneudrive.describe.formulas import law_of, read_file
 from pneudrive.describe.marks import Positions, Signal, absolute_above_vacuum
-from pneudrive.describe.short import TABLES, Short
 from pneudrive.describe.system import DRIVE_NAMES, PISTON, DescribedSystem, System, short_name
 from pneudrive.describe.tables.friction import Friction
 from pneudrive.describe.tables.parts import Cylinder, EndStop, Initial, Load, Supply, Valve, assumed_stops
@@ -200,8 +199,6 @@ class Drive(DescribedSystem):
     @cached_property
     def circuit(self) -> Circuit:
         """The drive as a circuit of components."""
-        from pneudrive.describe.circuit import Circuit
-
         tables, sourced_tables = self.to_dict(), self.with_origins()
         about = {key: tables[key] for key in ("gas", "ambient", "labels") if key in tables}
         parts = {key: sourced_tables[key] for key in TABLES if key in tables}

@@ -14,7 +14,7 @@ from functools import cached_property
 from pathlib import Path
 from pneudrive.arrays import Keyed as Keyed, NamedNumbers as NamedNumbers, Plain as Plain
 from pneudrive.describe.base import as_tables as as_tables, escaped as escaped, inline as inline, key_of as key_of
-from pneudrive.describe.circuit import Circuit as Circuit
+from pneudrive.describe.circuit import Circuit as Circuit, Short as Short, TABLES as TABLES
 from pneudrive.describe.components import merge as merge, unusual as unusual
 from pneudrive.describe.files import catalogue as catalogue, provenance as provenance, sourced as sourced, toml as toml
 from pneudrive.describe.files.provenance import Origin as Origin
@@ -24,7 +24,6 @@ from pneudrive.describe.marks import (
     Signal as Signal,
     absolute_above_vacuum as absolute_above_vacuum,
 )
-from pneudrive.describe.short import Short as Short, TABLES as TABLES
 from pneudrive.describe.system import (
     DRIVE_NAMES as DRIVE_NAMES,
     DescribedSystem as DescribedSystem,

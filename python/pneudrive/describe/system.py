@@ -95,11 +95,6 @@ class System(NamedTuple):
             raise refusal from None
 
 
-def compiled(core_json: str, names: ShortNames | None = None) -> _core.Circuit:
-    """Return the core's circuit for a circuit in the core's form; see `System.compiled`."""
-    return System(core_json, names).compiled()
-
-
 def core_part(name: str, kind: str, table: Keyed, **more: object) -> Plain:
     """Return a component in the core's form, from a table in SI with units in the keys."""
     numbers = {key_of(key): value for key, value in table.items() if value is not None}

@@ -5,7 +5,6 @@ Tanks describe tests of leakage, discharge and charging.
 
 from __future__ import annotations
 
-from contextlib import suppress
 from pathlib import Path
 from typing import Annotated
 
@@ -19,7 +18,7 @@ from pneudrive.describe.files import toml
 from pneudrive.describe.system import core_part
 from pneudrive.describe.tables import valve_flow
 from pneudrive.describe.tables.parts import Ambient, Gas
-from pneudrive.errors import DescriptionError, invalid, wrong
+from pneudrive.errors import invalid, wrong
 
 #: Kind of component of a tank's tube.
 TUBE = "tube/distributed"
@@ -114,13 +113,6 @@ class Tank(DescribedFile):
             The file is not valid; the message gives file, line, value, rule and remedy.
         """
         return toml.load(cls.model_validate, source)
-
-    @classmethod
-    def is_file(cls, source: str | Path) -> bool:
-        """Return whether a file describes a tank rather than a drive: it has a table [volume]."""
-        with suppress(DescriptionError):  # the reader of an unreadable file will report it
-            return "volume" in toml.read(source)[0]
-        return False
 
     def replace(self, changes: Plain) -> Tank:
         """Return a checked tank with some values changed: ``{"line.conductance": "2 dm3/(s bar)"}``."""

@@ -14,10 +14,10 @@ from pneudrive.arrays import NamedNumbers, Plain
 from pneudrive.describe.components import parameter_quantity
 from pneudrive.describe.drive import Drive
 from pneudrive.describe.kinds import STATED
-from pneudrive.describe.system import compiled, short_name
+from pneudrive.describe.system import System, short_name
 from pneudrive.errors import DescriptionError
 from pneudrive.free.parameters import component_numbers, side_of
-from pneudrive.simulation.start import DriveOrCircuit, StartState
+from pneudrive.simulation.session import DriveOrCircuit, StartState
 from pneudrive.simulation.trajectory import meaning
 
 #: Parameters of a valve that are fixed in an FMU, because they change the number of states or delay the command.
@@ -156,7 +156,7 @@ def plan_of(described: DriveOrCircuit, initial: StartState = None, *, actuator: 
         next(one for one in form["components"] if one["name"] == "cylinder")["numbers"].pop("incline", None)
     start = described.circuit.core_initial(described.circuit_values(initial))
     age_s = described.core_initial(initial).get("contact_age_s", 0.0)
-    session = compiled(json.dumps(form, sort_keys=True)).start(start, RTOL)
+    session = System(json.dumps(form, sort_keys=True)).compiled().start(start, RTOL)
     is_short = described.system.names is not None
     variables = [TIME]
     variables += _inputs(session, form, is_short, actuator)
@@ -171,7 +171,7 @@ def plan_of(described: DriveOrCircuit, initial: StartState = None, *, actuator: 
     variables += results
     names = [one.name for one in variables]
     assert len(set(names)) == len(names), "names of variables are unique"
-    notes = (*compiled(described.circuit.core_json()).warnings, *described.assumed())
+    notes = (*described.circuit.system.compiled().warnings, *described.assumed())
     return FmuPlan(described.name, tuple(variables), form, start, RTOL, actuator, notes)
 
 

@@ -20,7 +20,7 @@ from pneudrive.describe.components import parameter_quantity
 from pneudrive.describe.files.provenance import marks, values
 from pneudrive.describe.kinds import FLOW, STATED, component_kinds, flow_keys
 from pneudrive.describe.marks import Quantity, StatedPressure, parameter_quantities
-from pneudrive.describe.system import compiled
+from pneudrive.describe.system import System
 from pneudrive.describe.tables import valve_flow
 from pneudrive.describe.tables.dependences import Acting
 from pneudrive.describe.tables.friction import ASSUMED_DIGITS, assumed_from
@@ -28,7 +28,7 @@ from pneudrive.describe.tables.starts import start_mark
 from pneudrive.errors import CommandError, FitError, SimulationError, nearest, package_table
 from pneudrive.progress import UNWATCHED, Watch
 from pneudrive.simulation import command as commands
-from pneudrive.simulation.start import DriveOrCircuit, StartState
+from pneudrive.simulation.session import DriveOrCircuit, StartState
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -393,7 +393,7 @@ class DriveFamily:
         DescriptionError
             The core rejects the drive.
         """
-        return compiled(self.json(values), self._names)
+        return System(self.json(values), self._names).compiled()
 
     def shoot(self, core: Any, asked: Shooting, look: Callable[[float], object]) -> Shot:  # noqa: ANN401 - from `core`
         """Simulate the segments that `asked` describes, under the command of the drive."""

@@ -455,11 +455,6 @@ class Regulator(Described):
     regulator: RegulatorTable
 
     @classmethod
-    def is_file(cls, path: str | Path) -> bool:
-        """Return whether a path is a TOML file with a table ``[regulator]``."""
-        return isinstance(toml.tables_in(path).get("regulator"), dict)
-
-    @classmethod
     def load(cls, path: str | Path) -> Regulator:
         """Read a regulator from a TOML file."""
         return toml.load(cls.model_validate, path)

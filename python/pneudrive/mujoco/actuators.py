@@ -14,12 +14,11 @@ import numpy as np
 from pneudrive._core import ControlSensors, close_step
 from pneudrive.arrays import Array, Columns, Keyed, NamedNumbers, Plain
 from pneudrive.control.setup import Setup, SetupOrFile, read_setup
-from pneudrive.describe.system import DRIVE_NAMES, PISTON, compiled
+from pneudrive.describe.system import DRIVE_NAMES, PISTON, System
 from pneudrive.errors import CommandError, SimulationError, nearest, warn
 from pneudrive.simulation.command import Commands, inputs
-from pneudrive.simulation.session import Session
+from pneudrive.simulation.session import DriveOrCircuit, Session
 from pneudrive.simulation.simulate import number_of, positive
-from pneudrive.simulation.start import DriveOrCircuit
 from pneudrive.views import ShownValue, View, Viewed
 
 #: Relative tolerance of the chambers.
@@ -282,7 +281,7 @@ class _Axis:
         """Start at a position. The default end stops are designed for the mass that MuJoCo moves."""
         if not self.is_coupled:
             self.cylinder["numbers"]["moving_mass"] = mass_kg
-        core = compiled(json.dumps(self.form, sort_keys=True), self.described.system.names)
+        core = System(json.dumps(self.form, sort_keys=True), self.described.system.names).compiled()
         movers = [self.prefix, f"{AXIS}.1."] if self.is_coupled else [self.prefix]
         own = {f"{of}{key}": at for of in movers for key, at in (("position_m", position_m), ("velocity_m_s", 0.0))}
         self.core = core.start({**self.given, **own}, RTOL)

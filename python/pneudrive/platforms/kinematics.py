@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from pneudrive import units
-from pneudrive.describe.system import compiled
 from pneudrive.describe.tables import starts
 from pneudrive.describe.tables.parts import piston_areas
 from pneudrive.errors import CommandError, nearest
@@ -482,7 +481,7 @@ def platform(circuit: Circuit, name: str | None = None) -> Platform:
 def platforms(described: Circuit | Drive) -> list[Platform]:
     """Return all platforms of a circuit; a drive has none."""
     circuit = described.circuit
-    return [Platform(own, circuit) for own in compiled(circuit.core_json()).platforms]
+    return [Platform(own, circuit) for own in circuit.system.compiled().platforms]
 
 
 #: Finite-difference step for the rate of the twist along the motion, s.

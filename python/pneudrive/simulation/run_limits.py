@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
     from pneudrive.arrays import Array, Keyed
     from pneudrive.describe import Circuit
-    from pneudrive.simulation.start import DriveOrCircuit
+    from pneudrive.simulation.session import DriveOrCircuit
 
 #: Largest absolute pressure of the model, Pa: flow functions and cylinders are specified up to less (assumed).
 HIGHEST_PA = 20e5

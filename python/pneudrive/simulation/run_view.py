@@ -9,7 +9,7 @@ from dataclasses import replace
 from pneudrive.arrays import Keyed
 from pneudrive.constants import ANR_DENSITY_KG_M3
 from pneudrive.errors import is_severe
-from pneudrive.simulation.start import DriveOrCircuit
+from pneudrive.simulation.session import DriveOrCircuit
 from pneudrive.simulation.trajectory import TABLE, meaning
 from pneudrive.views import Finding, ShownValue, View
 

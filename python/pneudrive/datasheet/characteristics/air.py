@@ -16,14 +16,13 @@ from pneudrive.datasheet.characteristics.response import cycle, simulate_plant, 
 from pneudrive.datasheet.plant import HeldDrive
 from pneudrive.datasheet.strokes import litres_anr
 from pneudrive.describe import Circuit
-from pneudrive.describe.system import compiled
 from pneudrive.ensemble.outputs import Reduction, member_plans
 from pneudrive.ensemble.variation import CoreMembers, run_members
 from pneudrive.errors import warn
 from pneudrive.progress import Flag, Watch
 from pneudrive.simulation.command import Commands
+from pneudrive.simulation.session import DriveOrCircuit, StartState
 from pneudrive.simulation.simulate import run
-from pneudrive.simulation.start import DriveOrCircuit, StartState
 from pneudrive.views import ShownValue, View, Viewed
 
 FULL_S = 20.0  # half a cycle: chambers fill and empty, and take the temperature of the wall
@@ -94,7 +93,7 @@ def _entering(plant: HeldDrive, pressure: float, temperature: float) -> Pair:
         }
     )
     start = circuit.core_initial({"tank": f"{0.1 * pressure!r} Pa abs"})
-    found = compiled(circuit.core_json()).simulate([], 0.05, 100.0, start, RTOL, True)["ledger"]
+    found = circuit.system.compiled().simulate([], 0.05, 100.0, start, RTOL, True)["ledger"]
     accounts = (found or {})["accounts"]
     mass, enthalpy, entropy = (_sum(accounts, ending) for ending in _BOUNDARY)
     return enthalpy / mass, entropy / mass

@@ -6,13 +6,12 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 
 from pneudrive.arrays import Plain
-from pneudrive.describe.circuit import Circuit
+from pneudrive.describe.circuit import TABLES, TUBES, Circuit
 from pneudrive.describe.components import component_class
 from pneudrive.describe.drive import Drive
 from pneudrive.describe.files import catalogue, toml
 from pneudrive.describe.kinds import component_kinds
 from pneudrive.describe.marks import table_schema
-from pneudrive.describe.short import TABLES, TUBES
 from pneudrive.errors import DescriptionError
 
 #: Tables that make a file a circuit.

@@ -21,19 +21,18 @@ from tomlkit.exceptions import TOMLKitError
 from tomlkit.items import InlineTable
 
 from pneudrive.arrays import Plain, attributes_of
-from pneudrive.describe.circuit import Circuit
+from pneudrive.describe.circuit import Circuit, Short
 from pneudrive.describe.connections import AMBIENT, ARROW, PILOT_LINE, Part, Port, Wiring
 from pneudrive.describe.files import toml
 from pneudrive.describe.files.catalogue import entries
 from pneudrive.describe.formulas import FILE_PREFIX
 from pneudrive.describe.kinds import COMMAND, component_kinds
-from pneudrive.describe.short import Short
 from pneudrive.describe.system import DescribedValue, values_of
 from pneudrive.errors import CommandError, PneudriveError, Problems, package_table
 from pneudrive.files.content import read_bytes
 from pneudrive.fmu.package import read_fmu
 from pneudrive.fmu.variables import FmuVariable
-from pneudrive.simulation.start import start
+from pneudrive.simulation.session import start
 from pneudrive.units import in_unit, like
 from pneudrive.views import ShownTable, View
 from pneudrive.web.drive.run_request import Described, described_at
