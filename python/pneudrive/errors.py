@@ -94,6 +94,8 @@ class PneudriveError(Exception):
         Hint: Give the bore.
     """
 
+    key: str | None = None  # dotted name of the wrong key, by which a reader of the file finds the line
+
     def __init__(
         self,
         what: str,
@@ -206,8 +208,6 @@ class Problems:
 class DescriptionError(PneudriveError, ValueError):
     """A drive description (file or Python) is not valid. The error is a `ValueError`, so that pydantic collects it."""
 
-    key: str | None = None  # dotted name of the wrong key, by which a reader of the file finds the line
-
 
 def wrong(key: str, what: str, *, rule: str | None = None, remedy: str | None = None) -> DescriptionError:
     """Return an error for one key, with rule and remedy. The file reader uses ``error.key`` to find the line."""
@@ -241,7 +241,7 @@ def within(
     """
     out = []
     for one in error.each():
-        key = getattr(one, "key", None) or ""
+        key = one.key or ""
         what = f"{name}.{one.what}" if key and one.what.startswith(key) else f"{name}: {one.what}"
         out.append(wrong(f"{above}{name}.{written(key)}".rstrip("."), what, rule=one.rule, remedy=one.remedy))
     return together(out)

@@ -22,9 +22,8 @@ with warnings.catch_warnings():
 
 from pneudrive import web
 from pneudrive.web.app import make_app
-from pneudrive.web.guard import Guard, Site
 from pneudrive.web.jobs import PageJob, PageJobs
-from pneudrive.web.serve import guarded
+from pneudrive.web.serve import Guard, Site, guarded
 from pneudrive.web.workspace import Workspace, built_page
 
 #: Door -> form of its answer in `answers.pyi`.

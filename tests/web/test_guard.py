@@ -7,7 +7,7 @@ import asyncio
 import pytest
 from starlette.websockets import WebSocketDisconnect
 
-from pneudrive.web.guard import MOST_BODY, MOST_SOCKETS, Guard, address, new_token
+from pneudrive.web.serve import MOST_BODY, MOST_SOCKETS, Guard, address, new_token
 from web.conftest import PORT, TOKEN, Served
 
 OWN = f"127.0.0.1:{PORT}"

@@ -24,7 +24,7 @@ from pneudrive.cli.main import run
 from pneudrive.errors import CommandError
 from pneudrive.web import drop
 from pneudrive.web import serve as served
-from pneudrive.web.guard import MOST_BODY, Guard, Site
+from pneudrive.web.serve import MOST_BODY, Guard, Site
 from pneudrive.web.workspace import Workspace, built_page
 from waiting import until
 from web.conftest import Served

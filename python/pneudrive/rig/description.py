@@ -23,7 +23,7 @@ from pneudrive.describe.kinds import component_kinds
 from pneudrive.describe.marks import Bounds, Choice, Mark, Quantity, StatedPressure, parameter_quantity
 from pneudrive.describe.tables.friction import Friction
 from pneudrive.describe.tables.parts import piston_areas
-from pneudrive.errors import DescriptionError, PneudriveError, Problems, package_table, together, wrong
+from pneudrive.errors import DescriptionError, Problems, package_table, together, wrong
 from pneudrive.rig.interface import Sampling
 from pneudrive.rig.motion import MotionLimits
 from pneudrive.rig.rig_file import RigFile, shipped_rigs
@@ -388,10 +388,11 @@ def read_description(path: str | Path) -> RigDescription:
     friction = problems.take(_friction, plain.pop("friction", {}), path)
     tables = problems.take(_rig_class().model_validate, {name: {} for name in KEYS} | plain)
     # One error for each key: it is unknown, has no source, or has another problem.
-    unknown = tuple(_key_of(one) for one in problems.found.values() if "is not a known key" in one.what)
-    without_source = [one for one in unsourced.found.values() if not _key_of(one).startswith(unknown)]
-    told = set(map(_key_of, without_source))
-    others = [one for one in problems.found.values() if _key_of(one) not in told]
+    found = problems.found.values()
+    unknown = tuple(one.key or "" for one in found if "is not a known key" in one.what)
+    without_source = [one for one in unsourced.found.values() if not (one.key or "").startswith(unknown)]
+    told = {one.key for one in without_source}
+    others = [one for one in found if one.key not in told]
     with toml.locating(path, toml.read(path)[1]):
         if errors := [*without_source, *others]:
             raise together(errors)
@@ -400,10 +401,6 @@ def read_description(path: str | Path) -> RigDescription:
     for sensor in ("force_sensor", "pressure_sensor"):
         getattr(description, sensor)  # a resolution that is not possible is an error of the file
     return description
-
-
-def _key_of(error: PneudriveError) -> str:
-    return getattr(error, "key", None) or ""
 
 
 def _check(tables: Any) -> None:  # noqa: ANN401 - of a class that is made of the keys

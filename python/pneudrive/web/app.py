@@ -27,11 +27,10 @@ from pneudrive.errors import CommandError, PneudriveError, package_table
 from pneudrive.figures import plain_data
 from pneudrive.report.page import FIGURES, POLICY, REPORT
 from pneudrive.web.drop import take
-from pneudrive.web.guard import DROP, REPORTS, new_token
 from pneudrive.web.jobs import READY, JobRequest, PageJobs
 from pneudrive.web.live import live
 from pneudrive.web.messages import answer_of, page_error, problems_of, table_of
-from pneudrive.web.workspace import MOST_FILES, ChangedError, Workspace, fingerprint
+from pneudrive.web.workspace import DROP, MOST_FILES, REPORTS, ChangedError, Workspace, fingerprint, new_token
 
 #: Permissions of a report in a browser: only to be viewed and saved.
 SANDBOX = f"{POLICY}; frame-ancestors 'none'; sandbox allow-same-origin allow-downloads"

@@ -16,7 +16,6 @@ from pneudrive.simulation.trajectory import meaning
 from pneudrive.units import readable
 from pneudrive.views import SentValue
 from pneudrive.web.drive.run_request import ExtrasRequest, Run, RunLimit, described_at, with_changes
-from pneudrive.web.guard import PROTOCOL
 from pneudrive.web.measured.tiles import drawn_columns
 from pneudrive.web.messages import answer_of, pack, page_error, problems_of, table_of
 from pneudrive.web.workspace import Workspace
@@ -29,6 +28,7 @@ ANSWERS = {
     "control": "drive.control:answer",
     "validation": "measured.validation:frame_of",
 }
+PROTOCOL = "pneudrive"  # subprotocol of the socket; a second subprotocol carries the token
 ANSWERED = threading.Event()  # set by the first answer
 MOST_CURVES = 8  # curves in a panel: as many as there are line styles
 MOST_IMPACTS = MOST_EVENTS = 40  # impacts, and moments marked above the curves

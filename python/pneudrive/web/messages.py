@@ -74,9 +74,8 @@ def problems_of(error: PneudriveError) -> list[Plain]:
             {
                 "file": (file if line.isdigit() else one.where or "").rpartition("/")[2],
                 "line": int(line) if line.isdigit() else None,
-                "key": getattr(one, "key", None),
                 "value": None if one.value is None else str(one.value),
-                **attributes_of(one, "what", "rule", "remedy"),
+                **attributes_of(one, "key", "what", "rule", "remedy"),
             }
         )
     return out

@@ -11,6 +11,7 @@ import hashlib
 import os
 import posixpath
 import re
+import secrets
 import shutil
 import sys
 import tempfile
@@ -36,6 +37,10 @@ FMUS = (".fmu",)
 COMMANDS = (".csv",)  # command of a valve over time
 SUFFIXES = (*DESCRIPTIONS, *TABLES, *FMUS)
 BUILT = Path(__file__).parent / "built"  # the page
+REPORTS = "/report/"  # address of reports; the secret of one report follows
+#: Address for dropped files. They may have any length, because each piece is written when it arrives.
+DROP = "/api/drop"
+TOKEN_BYTES = 24  # 192 bits
 LONGEST = 1024  # longest name, characters
 MOST_FILES = 20_000
 LONGEST_UNUSED_S = 30 * 86400.0  # a recording that was not opened for so long is removed from the cache, s
@@ -250,6 +255,11 @@ def last_lines(path: Path, most_bytes: int) -> list[str]:
             return file.read().decode("utf-8", "replace").splitlines()[size > most_bytes :]
     except OSError:
         return []
+
+
+def new_token() -> str:
+    """Return a new secret, of one run of the server or of one report."""
+    return secrets.token_urlsafe(TOKEN_BYTES)
 
 
 def fingerprint(text: str) -> str:
