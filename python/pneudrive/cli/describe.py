@@ -195,9 +195,10 @@ def _together(assumptions: Iterable[tuple[str, str]]) -> Iterator[str]:
     for line, of in names.items():
         each = ", ".join(of)
         if len(of) > 1 and line.startswith("{}."):
-            yield f"{each}: {line[3:].format()}"
+            yield f"{each}: {line[3:]}"
         else:
-            yield (line.replace("the joint of", "each joint of") if len(of) > 1 else line).format(each)
+            text = line.replace("the joint of", "each joint of") if len(of) > 1 else line
+            yield text.replace("{}", each, 1) if any(of) else text
 
 
 def draw(drive: str, *, out: Path = Path("circuit.svg")) -> None:

@@ -136,9 +136,8 @@ class Described(Shown, BaseModel):
         for complaint in complaints:
             place = complaint["loc"]
             field = place[:2] if place[1:] and isinstance(place[1], int) else place[:1]  # each of a list
-            if field in seen or (
-                complaint["type"] == "missing" and get_close_matches(str(field[0]), unknown, cutoff=0.5)
-            ):
+            is_misspelt = complaint["type"] == "missing" and get_close_matches(str(field[0]), unknown, cutoff=0.5)
+            if field in seen or is_misspelt:
                 continue
             seen.add(field)
             cause = complaint.get("ctx", {}).get("error")
@@ -305,11 +304,6 @@ def _by_key(name: str, mark: Mark | None) -> property:
 
     unit = f", stored in {mark.si_unit} as `{name}`" if isinstance(mark, Quantity) and mark.si_unit else ""
     return property(read, doc=f"Value of the key in the file{unit}.")
-
-
-def escaped(line: str) -> str:
-    """Escape the braces of a line for `str.format`."""
-    return line.replace("{", "{{").replace("}", "}}")
 
 
 def inline(value: object) -> str:

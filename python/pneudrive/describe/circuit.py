@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 from pydantic import Field, ValidationError, model_validator
 
-from pneudrive.describe.base import as_tables, escaped, inline
+from pneudrive.describe.base import as_tables, inline
 from pneudrive.describe.components import Component, component, component_class, unusual, within_component
 from pneudrive.describe.connections import AMBIENT, ARROW, Part, Wiring
 from pneudrive.describe.files import catalogue, toml
@@ -513,7 +513,7 @@ class Circuit(DescribedSystem):
 
     @cached_property
     def assumptions(self) -> list[tuple[str, str]]:
-        """Assumptions as pairs (text, name). The name of the component or joint replaces ``{}`` in the text."""
+        """Assumptions as pairs (text, name). The name of a component or joint, if any, replaces ``{}`` in the text."""
         out: list[tuple[str, str]] = []
         starts, settled = Starts(self).values(self.initial)
         highest = max((value for name, value in starts.items() if name.endswith(PRESSURE)), default=0.0)
@@ -524,12 +524,12 @@ class Circuit(DescribedSystem):
                 given = [key for key in STOP_KEYS if one.fields[f"end_stop_{key}"] in one.model_fields_set]
                 lines = [line for line in lines if not line.startswith("end_stop_")]
                 lines += assumed_stops("end_stop_", given, stops[name])
-            out += [("{}." + escaped(line), name) for line in lines]
+            out += [("{}." + line, name) for line in lines]
         heat = "" if any(one.has_heat_law for one in self.components.values()) else ", and no heat exchange"
         for name, volume in self.joint_volumes:
             line = f"the joint of {{}} has {1e6 * volume:.3g} cm3, from the volumes of its ports{heat}"
             out.append((line, name))
-        return out + [(escaped(line), "") for line in settled]
+        return out + [(line, "") for line in settled]
 
     @property
     def joint_volumes(self) -> list[tuple[str, float]]:

@@ -14,7 +14,7 @@ from collections.abc import Callable, Mapping
 from functools import cached_property
 from pathlib import Path
 from pneudrive.arrays import Keyed as Keyed, NamedNumbers as NamedNumbers, Plain as Plain
-from pneudrive.describe.base import as_tables as as_tables, escaped as escaped, inline as inline
+from pneudrive.describe.base import as_tables as as_tables, inline as inline
 from pneudrive.describe.components import (
     Component as Component,
     component as component,

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 from pydantic import Field, model_validator
 
 from pneudrive.arrays import Keyed, NamedNumbers, Plain
-from pneudrive.describe.base import as_tables, escaped, inline, key_of
+from pneudrive.describe.base import as_tables, inline, key_of
 from pneudrive.describe.circuit import TABLES, Circuit, Short
 from pneudrive.describe.components import merge, unusual
 from pneudrive.describe.files import catalogue, provenance, sourced, toml
@@ -303,9 +303,9 @@ class Drive(DescribedSystem):
         assumed = [value for value in self.origin_of.values() if value.assumed is not None]
         out = [f"{value.key} = {inline(value.value)}, {value.assumed}" for value in assumed]
         if not self.is_plain:
-            listed = tuple(escaped(f", {value.assumed}") for value in assumed)
+            listed = tuple(f", {value.assumed}" for value in assumed)
             more = [one for one in self.circuit.assumptions if not one[0].endswith(listed)]
-            return [(escaped(line), "") for line in out] + more
+            return [(line, "") for line in out] + more
         for table, keys in _ASSUMED.items():
             part = getattr(self, table)
             given = part.model_fields_set
@@ -314,7 +314,7 @@ class Drive(DescribedSystem):
             out += [f"{table}.{key} = {getattr(part, key)}" for key in keys if key not in given]
         given = [key_of(name) for name in self.cylinder.end_stop.stored()]
         out += assumed_stops("cylinder.end_stop.", given, self.system.compiled().end_stops(0.0)[PISTON])
-        return [(escaped(line), "") for line in out]
+        return [(line, "") for line in out]
 
     @property
     def notes(self) -> list[str]:

@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterable
 from functools import cached_property
 from pathlib import Path
 from pneudrive.arrays import Keyed as Keyed, NamedNumbers as NamedNumbers, Plain as Plain
-from pneudrive.describe.base import as_tables as as_tables, escaped as escaped, inline as inline, key_of as key_of
+from pneudrive.describe.base import as_tables as as_tables, inline as inline, key_of as key_of
 from pneudrive.describe.circuit import Circuit as Circuit, Short as Short, TABLES as TABLES
 from pneudrive.describe.components import merge as merge, unusual as unusual
 from pneudrive.describe.files import catalogue as catalogue, provenance as provenance, sourced as sourced, toml as toml

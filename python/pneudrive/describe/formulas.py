@@ -245,9 +245,8 @@ def core_entry(read: str, outputs: tuple[str, ...], *texts: str) -> Plain:
 LEVELS = ("coulomb", "breakaway", "viscous")
 OUTPUTS = ("force", "energy", "slip", "steady")
 GUIDE = "own-law.md"
-# unit of a state -> suffix of its name in a trajectory, and a usual scale
-_STATE_UNITS = {"m/s": ("_m_s", None), "N": ("_n", None), "s": ("_s", None), "": ("", None)}
-_STATE_UNITS |= {"m": ("_m", "1e-3 m")}
+#: Units that the name of a state in a trajectory contains.
+_NAMED_UNITS = ("m", "m/s", "N", "s")
 #: Keys of the friction table that are not allowed as names of parameters.
 _TAKEN = ("law", "stribeck_shape", "elements", "evolution", *DEPENDENCES)
 
@@ -262,8 +261,7 @@ class WrittenState(WrittenParameter):
     def core(self) -> Plain:
         """Return the state in the core's form, without its key."""
         out = super().core()
-        usual = _STATE_UNITS.get(self.unit, ("", None))[1]
-        if self.scale is None and usual is None:
+        if self.scale is None and self.unit != "m":
             raise invalid("scale", "describe.no-scale")
         scale = 1e-3 if self.scale is None else self.number("scale", self.scale)
         return {"unit": out["unit"], "bounds": out["bounds"], "scale": scale, "rate": self.rate}
@@ -365,8 +363,8 @@ class FrictionLaw(Written):
         states = []
         for key, about in self.states.items():
             state = core_of("states", key, about, WrittenState)
-            suffix = _STATE_UNITS.get(state["unit"].removeprefix("-"), ("", None))[0]
-            states.append(state | {"name": str(about.get("name", f"{key}{suffix}"))})
+            usual = units.column_name(key, state["unit"]) if state["unit"] in _NAMED_UNITS else key
+            states.append(state | {"name": str(about.get("name", usual))})
         out = super().core() | {"levels": dict(named), "states": states, "odd": self.odd}
         return out | {key: getattr(self, key) for key in OUTPUTS}
 

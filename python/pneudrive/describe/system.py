@@ -151,12 +151,12 @@ class DescribedSystem(DescribedFile):
 
     @cached_property
     def assumptions(self) -> list[tuple[str, str]]:
-        """Assumptions as pairs (text, name). The name of the component or joint replaces ``{}`` in the text."""
+        """Assumptions as pairs (text, name). The name of a component or joint, if any, replaces ``{}`` in the text."""
         raise NotImplementedError
 
     def assumed(self) -> list[str]:
         """Return the assumed values, which are not given and have no source, as ``key = value``."""
-        return [line.format(name) for line, name in self.assumptions]
+        return [line.replace("{}", name, 1) if name else line for line, name in self.assumptions]
 
     def core_json(self) -> str:
         """Return the circuit in the core's form, in SI."""

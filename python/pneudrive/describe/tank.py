@@ -124,21 +124,12 @@ class Tank(DescribedFile):
     @property
     def start_temperature_k(self) -> float:
         """Temperature in K of the gas at the start of a recording."""
-        said = self.volume.start_temperature_k
-        return self.core_form()["volume"]["wall_temperature_k"] if said is None else said
+        return self.volume.start_temperature_k or self.wall_temperature_k
 
-    def core_form(self) -> Plain:
-        """Return the description in the core's form, in SI."""
-        ambient, line = self.ambient.core(), self.line
-        volume = {"wall_temperature_k": ambient["temperature_k"]} | self.volume.stored()
-        volume.pop("start_temperature_k", None)
-        return {
-            "gas": self.gas.core(),
-            "ambient": ambient,
-            "volume": volume,
-            "line": None if line is None else line.core(self.ambient),
-            "tube": None if self.tube is None else self.tube.numbers(self.ambient.pressure_pa),
-        }
+    @property
+    def wall_temperature_k(self) -> float:
+        """Temperature in K of the wall of the volume."""
+        return self.volume.wall_temperature_k or self.ambient.temperature_k
 
     def expanded(self, leakage_m3_s_pa: float) -> Plain:
         """Return the circuit of the tank in the core's form: volume, tube, line, far side of the line, and leak.
@@ -148,20 +139,19 @@ class Tank(DescribedFile):
         leakage_m3_s_pa : float
             Sonic conductance of the leak; 0: the circuit has no leak.
         """
-        form = self.core_form()
-        volume, line, tube = form["volume"], form["line"], form["tube"]
+        volume, tube, wall_k = self.volume, self.tube, self.wall_temperature_k
         # Conductance of the whole wall: a coefficient, W/(m2 K), on a wall of 1 m2.
-        numbers = {key: volume[key] for key in ("volume_m3", "wall_temperature_k")}
-        wall = {"wall_area": 1.0, "heat_transfer": volume["heat_transfer_w_k"]}
-        components = [core_part("volume", "tank", numbers | wall)]
+        wall = {"wall_temperature": wall_k, "wall_area": 1.0, "heat_transfer": volume.heat_transfer_w_k}
+        components = [core_part("volume", "tank", {"volume": volume.volume_m3} | wall)]
         joints, at_volume = [], ["volume.1"]
-        if line is not None:
+        if self.line is not None:
+            line = self.line.core(self.ambient)
             other = {key: line.pop(key) for key in ("pressure_pa", "temperature_k")}
             components += [core_part("line", "fitting", line), core_part("other_side", "reservoir", other)]
             joints.append(["other_side.1", "line.1"])
             at_volume.append("line.2" if tube is None else "tube.2")
         if tube is not None:
-            components.append({"name": "tube", "kind": TUBE, "numbers": tube})
+            components.append({"name": "tube", "kind": TUBE, "numbers": tube.numbers(self.ambient.pressure_pa)})
             joints.append(["line.2", "tube.1"])
         if leakage_m3_s_pa > 0.0:
             numbers = {"conductance": leakage_m3_s_pa, "critical_pressure_ratio": LEAK_RATIO}
@@ -169,8 +159,8 @@ class Tank(DescribedFile):
             joints.append(["leak.2", "ambient"])
             at_volume.append("leak.1")
         return {
-            "gas": form["gas"],
-            "ambient": form["ambient"],
+            "gas": self.gas.core(),
+            "ambient": self.ambient.core(),
             "components": components,
             "joints": [*joints, at_volume],
         }

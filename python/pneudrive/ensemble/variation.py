@@ -110,11 +110,13 @@ class Variation:
             if list(names).count(name) > 1:
                 raise CommandError(f"vary: {name} is given twice", remedy="Keep one of them.")
         self.numbers = [known[name] for name in names]
+        #: Name of a varied start value -> its key in the start state.
+        self.start_keys = {name: name.removeprefix(free.INITIAL) for name in names if name.startswith(free.INITIAL)}
 
     @cached_property
     def family(self) -> DriveFamily:
         """Family of drives that differ in the varied numbers. Numbers of the start state are not included."""
-        names = [name for name in self.names if not name.startswith(free.INITIAL)]
+        names = [name for name in self.names if name not in self.start_keys]
         return free.family_of(self.drive, free.find(self.drive, names))
 
     @property
@@ -140,11 +142,9 @@ class Variation:
             The description is not valid.
         """
         texts = {number.name: number.written(float(value)) for number, value in zip(self.numbers, row, strict=True)}
-        own = {name: text for name, text in texts.items() if not name.startswith(free.INITIAL)}
+        own = {name: text for name, text in texts.items() if name not in self.start_keys}
         changes = {name if name in free.AMBIENT else self.drive.key_prefix + name: text for name, text in own.items()}
-        start = self.initial | {
-            name.removeprefix(free.INITIAL): text for name, text in texts.items() if name.startswith(free.INITIAL)
-        }
+        start = self.initial | {key: texts[name] for name, key in self.start_keys.items()}
         return self.drive.replace(changes) if changes else self.drive, start
 
     def check(self, rows: Array, first: int = 0) -> None:
@@ -186,7 +186,7 @@ class Variation:
         rows : ndarray, shape (n, names)
             Values of the numbers in SI.
         """
-        own = [place for place, name in enumerate(self.names) if not name.startswith(free.INITIAL)]
+        own = [place for place, name in enumerate(self.names) if name not in self.start_keys]
         return CoreMembers(self.family.paths, self.family.many(rows[:, own]), self._starts(rows))
 
     def _starts(self, rows: Array) -> Starts:
@@ -198,18 +198,15 @@ class Variation:
             if starts is None:
                 return self._each_start(rows)
             return state | {column: columns[name] for name, column in starts.items()}
-        moved = [name for name in columns if name.startswith(free.INITIAL) or name in STARTS_FROM]
-        if not moved:
+        if not self.start_keys and columns.keys().isdisjoint(STARTS_FROM):
             return state
         if not self.drive.is_plain:
             return state | self._each_start(rows)
         nominal = (self.drive.cylinder.stroke_m, self.drive.ambient.pressure_pa, self.drive.ambient.temperature_k)
         by = [columns.get(name, at) for name, at in zip(STARTS_FROM, nominal, strict=True)]
         state |= start_state(Initial.model_validate(self.initial), *by)
-        for name in moved:
-            if name.startswith(free.INITIAL):
-                key = name.removeprefix(free.INITIAL)
-                state[next(column for column in state if column.startswith(f"{key}_"))] = columns[name]
+        for name, key in self.start_keys.items():
+            state[next(column for column in state if column.startswith(f"{key}_"))] = columns[name]
         return state
 
     def _each_start(self, rows: Array) -> Starts:
@@ -221,9 +218,7 @@ class Variation:
     def _start_columns(self) -> dict[str, str] | None:
         """Varied start values of a circuit by name; None if other start values may depend on a varied number."""
         known, state = free.numbers_of(self.drive), self.drive.core_initial(self.initial)
-        starts = {
-            name: self.drive.start_names[name.removeprefix(free.INITIAL)] for name in self.names if name not in known
-        }
+        starts = {name: self.drive.start_names[key] for name, key in self.start_keys.items()}
         nominal = np.array([state[starts[name]] if name in starts else known[name].value for name in self.names])
         nudged = nominal + NUDGE * np.where(nominal, np.abs(nominal), 1.0)
         try:

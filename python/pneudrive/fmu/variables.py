@@ -233,10 +233,8 @@ def _parameters(described: DriveOrCircuit, form: Plain) -> Iterator[FmuVariable]
                 unit = "1" if rows[key]["unit"] in ("-", "") else rows[key]["unit"]
                 role = {"role": "parameter", "of": f"/components/{i}/friction/parameters/{key}"}
                 yield FmuVariable(f"{prefix}.{key}", unit, rows[key]["meaning"], "parameter", role, float(value))
-    for key, unit, what in (
-        ("pressure", "Pa", "Ambient pressure, absolute"),
-        ("temperature", "K", "Ambient temperature"),
-    ):
+    ambient = {"pressure": ("Pa", "Ambient pressure, absolute"), "temperature": ("K", "Ambient temperature")}
+    for key, (unit, what) in ambient.items():
         place = f"{key}_{unit.lower()}"
         role = {"role": "parameter", "of": f"/ambient/{place}"}
         yield FmuVariable(f"ambient.{key}", unit, what, "parameter", role, float(form["ambient"][place]))

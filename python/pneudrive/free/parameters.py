@@ -556,15 +556,12 @@ class Differentiator:
         self.parameters = find(drive, names)
         self._family = family_of(drive, self.parameters)
         self._commands = commands.inputs(command, drive.commandable)
-        core, start = drive.system.compiled(), drive.core_initial(initial)
+        core, self._start, self._rtol = drive.system.compiled(), drive.core_initial(initial), rtol
         if not self._commands:  # a run has one command
-            self._commands = [
-                (next(name for name, *_ in core.inputs if name.endswith("load_force_n")), ((0.0,), (0.0,)))
-            ]
-        if any(value for name, value in start.items() if name.endswith("contact_age_s")):
+            force = next(name for name, *_ in core.inputs if name.endswith("load_force_n"))
+            self._commands = [(force, ((0.0,), (0.0,)))]
+        if any(value for name, value in self._start.items() if name.endswith("contact_age_s")):
             raise CommandError("derivatives of a run that starts with an aged contact are not available")
-        self._start = start
-        self._rtol = rtol
 
     def run(
         self,

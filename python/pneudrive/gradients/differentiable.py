@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -132,20 +133,16 @@ class Differentiable:
         if not jax.config.read("jax_enable_x64"):
             raise CommandError.of("gradients.single-precision")
         k, p = len(self.output_names), len(self.names)
+        call = partial(jax.pure_callback, vmap_method="sequential")
         result, matrix = (jax.ShapeDtypeStruct(shape, jnp.float64) for shape in ((k,), (k, p)))
 
         @jax.custom_jvp
         def function(values: Any) -> Any:  # noqa: ANN401
-            return jax.pure_callback(lambda x: self(np.asarray(x)), result, values, vmap_method="sequential")
+            return call(lambda x: self(np.asarray(x)), result, values)
 
         @function.defjvp
         def _(primals: tuple[Any], tangents: tuple[Any]) -> tuple[Any, Any]:
-            both = jax.pure_callback(
-                lambda x: self.value_and_jacobian(np.asarray(x)),
-                (result, matrix),
-                primals[0],
-                vmap_method="sequential",
-            )
+            both = call(lambda x: self.value_and_jacobian(np.asarray(x)), (result, matrix), primals[0])
             return both[0], both[1] @ tangents[0]
 
         return function

@@ -198,7 +198,8 @@ def identify_volume(
 
 def _pressure_ratios(tank: Tank, records: list[VolumeRecording]) -> list[Array]:
     """Return the ratio of the pressures on both sides of the line in each recording, at most 1."""
-    other = tank.core_form()["line"]["pressure_pa"]
+    assert tank.line is not None
+    other = tank.line.core(tank.ambient)["pressure_pa"]
     return [np.minimum(r.pressure_pa / other, other / r.pressure_pa) for r in records]
 
 
@@ -206,8 +207,7 @@ def _free(
     tank: Tank, records: list[VolumeRecording], asked: Sequence[str] | None
 ) -> tuple[list[str], list[Undetermined]]:
     """Return the names of free values, and statements on values held because no recording can determine them."""
-    form = tank.core_form()
-    known = [name for name in NUMBERS if form[name.partition(".")[0]] is not None]
+    known = [name for name in NUMBERS if getattr(tank, name.partition(".")[0]) is not None]
     if asked is not None:
         if not asked:
             raise FitError("no parameter is free", remedy='Name free parameters, e.g. free=["line.conductance"].')
@@ -218,8 +218,8 @@ def _free(
             raise FitError("a parameter is given twice", value=", ".join(asked))
         return list(asked), []
     names = [n for n in known if n not in ("line.pressure", "volume.value")]
-    line = form["line"]
-    into_ambient = line is not None and abs(line["pressure_pa"] / tank.ambient.pressure_pa - 1.0) < 0.01
+    room = tank.ambient
+    into_ambient = tank.line is not None and abs(tank.line.core(room)["pressure_pa"] / room.pressure_pa - 1.0) < 0.01
     if into_ambient and all((r.opening > 0.0).all() for r in records):
         names.remove("volume.leakage")
         reason = "the line is always open and leads to the ambient air, like the leak"
@@ -267,8 +267,7 @@ def _problem(
     """Return the fit problem, and the start point from the tank's values."""
     family = TankFamily(tank, names, max(r.duration_s for r in records))
     values = [family.get(path) for path in family.paths]
-    line = tank.core_form()["line"]
-    upper = {} if line is None else {"line.critical_pressure_ratio": line["linear_above"]}
+    upper = {} if tank.line is None else {"line.critical_pressure_ratio": tank.line.linear_above}
     parameters = [
         Parameter(name, path, NUMBERS[name][1], value, 0.0, upper.get(name, np.inf), value)
         for name, path, value in zip(names, family.paths, values, strict=True)

@@ -100,7 +100,8 @@ def _gas_limits(described: DriveOrCircuit, time_s: Any, places: list[GasVolume])
             )
 
     # Contribution of the second virial coefficient.
-    most = IDEAL_OFF if gas.model == "ideal" else VIRIAL_OFF
+    is_ideal = gas.model == "ideal"
+    most = IDEAL_OFF if is_ideal else VIRIAL_OFF
     a, b, c = VIRIAL.get("nitrogen" if is_air else name, (0.0, 0.0, 0.0))  # air is taken as nitrogen
     deviation, off = None, 0.0
     for place in places:
@@ -112,14 +113,11 @@ def _gas_limits(described: DriveOrCircuit, time_s: Any, places: list[GasVolume])
                 deviation, off = (place.name, pressure, temperature, row), share
     if deviation is not None:
         name, pressure, temperature, row = deviation
-        law = "the ideal gas law" if gas.model == "ideal" else "the virial gas law"
-        remedy = (
-            '; gas.model = "virial" includes this coefficient' if gas.model == "ideal" and gas.name in VIRIAL else ""
-        )
+        remedy = '; gas.model = "virial" includes this coefficient' if is_ideal and gas.name in VIRIAL else ""
         yield (
             f"the gas in {name} deviates from its law at {time_s[row]:.4g} s: at {1e-5 * pressure:.3g} bar abs and "
             f"{_celsius(temperature)}, the second virial coefficient adds {100.0 * abs(off):.2g} % of the pressure; "
-            f"{law} is valid up to {100.0 * most:g} % (assumed){remedy}"
+            f"the {gas.model} gas law is valid up to {100.0 * most:g} % (assumed){remedy}"
         )
 
 

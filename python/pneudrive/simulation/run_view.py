@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 
 from pneudrive.arrays import Keyed
 from pneudrive.constants import ANR_DENSITY_KG_M3
 from pneudrive.errors import is_severe
 from pneudrive.simulation.session import DriveOrCircuit
 from pneudrive.simulation.trajectory import TABLE, meaning
-from pneudrive.views import Finding, ShownValue, View
+from pneudrive.views import Finding, ShownValue, State, View
 
 #: Columns of the flow into a chamber, of a drive and of a circuit.
 _CHAMBER_FLOW = re.compile(r"(mass_flow_[ab]|.+\.[ab]\.mass_flow)_kg_s")
@@ -38,7 +37,7 @@ def run_view(columns: Keyed, provenance: Keyed, described: DriveOrCircuit | None
     title = f"{provenance.get('title', 'run')}: {len(time)} samples to {time[-1]:g} s"
     impacts: list[Keyed] = list(provenance.get("impacts") or ())
     findings = [Finding(text, "bad" if is_severe(text) else "open") for text in provenance.get("warnings") or ()]
-    is_hazard = any(finding.state == "bad" for finding in findings)
+    state: State = "bad" if any(finding.state == "bad" for finding in findings) else "good"
     flows = [values for name, values in columns.items() if _CHAMBER_FLOW.fullmatch(name)]
     density = ANR_DENSITY_KG_M3 if described is None else described.gas.anr_density_kg_m3
     litres, coarse = (
@@ -64,18 +63,15 @@ def run_view(columns: Keyed, provenance: Keyed, described: DriveOrCircuit | None
     ]
     if impacts:
         hardest = max(impact["energy_j"] for impact in impacts)
-        leading.append(ShownValue("hardest impact", "run", "hardest impact", hardest, "J"))
+        leading.append(ShownValue("hardest impact", "run", "hardest impact", hardest, "J", state=state))
     if peaks:
         peak = max(float(each.value) for each in peaks)
         leading.append(ShownValue("peak pressure", "run", "peak pressure, absolute", peak, "Pa"))
     return View(
         title if steps is None else f"{title}, {steps} steps of the solver",
         (*_positions(columns), *_impacts(impacts, begun), *peaks, air),
-        state="bad" if is_hazard else "good",
-        leading=tuple(
-            replace(value, state="bad" if is_hazard and value.key == "hardest impact" else "good")
-            for value in (*leading, *([air] if flows else []))
-        ),
+        state=state,
+        leading=(*leading, *([air] if flows else [])),
         findings=findings,
     )
 

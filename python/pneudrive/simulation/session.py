@@ -390,9 +390,7 @@ class Session:
         """
         if "borrowed" in str(error):  # the core lends a session to one call at a time
             raise SimulationError("another thread advances the session", remedy="Use one thread only.") from None
-        known = list(
-            dict.fromkeys([*(own for own, *_ in self._core.inputs), *(self._core.columns if readable else ())])
-        )
+        known = {own for own, *_ in self._core.inputs}.union(self._core.columns if readable else ())
         for name in names:
             if name not in known:
                 what = "variable" if readable else "input"

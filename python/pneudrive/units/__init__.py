@@ -575,9 +575,7 @@ def converter_of_pint(unit: str, si_unit: str) -> tuple[float, float]:
         remedy = "Divide the angular rate by 2 pi: 10 Hz for 62.8 rad/s."
         raise DescriptionError(f'unit "{unit}" is an angle per time', rule=needed(si_unit), remedy=remedy)
     try:
-        zero = registry.Quantity(0.0, parsed).to(target).magnitude
-        one = registry.Quantity(1.0, parsed).to(target).magnitude
+        zero, one = (registry.Quantity(number, parsed).to(target).magnitude for number in (0.0, 1.0))
     except pint.DimensionalityError:
-        is_a = f"of dimension {parsed.dimensionality}"
-        raise wrong_dimension(unit, si_unit, is_a) from None
+        raise wrong_dimension(unit, si_unit, f"of dimension {parsed.dimensionality}") from None
     return one - zero, zero

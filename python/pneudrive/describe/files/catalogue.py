@@ -94,9 +94,8 @@ class Entry(Described):
         known = set(map(conductance_key, given))
         needed = [one["key"] for one in entry["parameters"] if is_needed(one, given) and one["key"] not in known]
         has_friction = any(value.key.startswith("friction.") for value in self.values)
-        return needed + (
-            ["the rest of friction" if has_friction else "friction"] if entry["friction"] == "needed" else []
-        )
+        friction = "the rest of friction" if has_friction else "friction"
+        return [*needed, friction] if entry["friction"] == "needed" else needed
 
 
 @contextmanager
