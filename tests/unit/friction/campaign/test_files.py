@@ -156,7 +156,7 @@ def test_a_large_campaign_is_condensed_and_says_the_same(quick, tmp_path, monkey
 
 def test_forces_in_another_unit_scale_all_of_a_result(quick, tmp_path, monkeypatch):
     """Eight times every force and its sensor make eight times each curve, band and scatter, condensed or not."""
-    world = quick(repeats=6, cycle_share=1e-3, drift_share=0.02, gauges_pa=((0.0, 0.0),), zero_n=1.0)
+    world = quick(repeats=4, cycle_share=1e-3, drift_share=0.02, gauges_pa=((0.0, 0.0),), zero_n=1.0)
     one, other = (write_campaign(tmp_path / name, world, 3) for name in ("one", "other"))
     for path in (other / "cycles").glob("*.parquet"):
         rewrite(path, lambda frame: frame.with_columns(pl.col("force_n") * 8.0))
