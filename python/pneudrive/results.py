@@ -446,10 +446,9 @@ class ResultComparison(Shown):
 
     def rows(self) -> list[tuple[str, ...]]:
         """Return key, first value, its interval, second value, its interval, and change in percent of each pair."""
-        percent = ["" if v.change is None else f"{100 * v.change:+.3g}" for v in self.values]
         return [
-            (v.key, v.before, v.interval_before, v.after, v.interval_after, change)
-            for v, change in zip(self.values, percent, strict=True)
+            (key, before, ends_before, after, ends_after, "" if change is None else f"{100 * change:+.3g}")
+            for key, before, after, ends_before, ends_after, change in self.values
         ]
 
     def figure(self) -> Figure:

@@ -340,13 +340,12 @@ class View(Shown):
             labels.setdefault(value.label, {})[value.quantity] = value
         # A column of one unit names it in its head, a column of several beside each value.
         common = {name: next(iter(units)) if len(units) == 1 else None for name, units in of_column.items()}
-        rows = []
-        for label, values in labels.items():
-            cells = [label]
-            for name, unit in common.items():
-                text, own = (values[name].text, values[name].usual_unit) if name in values else ("", "")
-                cells.append(f"{text} {own}".strip() if unit is None and text else text)
-            rows.append(tuple(cells))
+
+        def cell(values: dict[str, ShownValue], name: str) -> str:
+            text = values[name].text if name in values else ""
+            return f"{text} {values[name].usual_unit}".strip() if common[name] is None and text else text
+
+        rows = [(label, *(cell(values, name) for name in common)) for label, values in labels.items()]
         return ("", *(f"{name} {unit or ''}".strip() for name, unit in common.items())), rows
 
     def value_tables(self, without: Collection[ShownValue] = ()) -> list[HeadAndRows]:
@@ -386,9 +385,8 @@ class View(Shown):
         values += [("-" if f.state == "good" else "!", f"{f.text} {f.remedy}".strip()) for f in self.findings]
         tables = [self.table(), *((table.head, table.rows) for table in self.tables)]
         blocks = [aligned([head, *rows]) for head, rows in tables if rows]
-        return "\n".join(
-            [self.title, *(f"  {mark} {text}" for mark, text in values), *blocks, *(f"  {n}" for n in self.notes)]
-        )
+        lines = [self.title, *(f"  {mark} {text}" for mark, text in values), *blocks]
+        return "\n".join([*lines, *(f"  {note}" for note in self.notes)])
 
     def _card(self) -> Card:
         head, rows = self.table() if self.rows else self.curve_table()

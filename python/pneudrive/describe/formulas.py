@@ -359,7 +359,7 @@ class FrictionLaw(Written):
         for key in self.levels:
             if key not in LEVELS:
                 raise wrong(f"levels.{key}", f"levels.{key} is not a known level", remedy=nearest(key, LEVELS))
-        named = {level: level for level in LEVELS if level in self.parameters} if not self.levels else self.levels
+        named = self.levels or {level: level for level in LEVELS if level in self.parameters}
         states = []
         for key, about in self.states.items():
             state = core_of("states", key, about, WrittenState)

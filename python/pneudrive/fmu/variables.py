@@ -260,15 +260,14 @@ def _results(session: CoreSession, described: DriveOrCircuit, actuator: bool) ->
     is_short = described.system.names is not None
     hides = bool(described.system.names and described.system.names[2])
     moved = (_PISTON, "cylinder.velocity_m_s") if actuator else ()
-    seen, names = set(), set()
+    seen: dict[str, str] = {}  # name in the core -> name of the output
     for core in session.columns:
         last = core.rpartition(".")[2]
         name, unit, what = _named(core, is_short)
         foreign = hides and "." in name
         if last in ("time_s", "command") or core in moved or foreign or (actuator and last == "acceleration_m_s2"):
             continue
-        seen.add(core)
-        names.add(name)
+        seen[core] = name
         yield FmuVariable(name, unit, what, "output", {"role": "output", "of": core})
     if actuator:
         what = "force of the drive on the moved body, towards +x, without the drive's mass"
@@ -277,7 +276,7 @@ def _results(session: CoreSession, described: DriveOrCircuit, actuator: bool) ->
         name, unit, what = _named(core, is_short)
         if core in moved:
             continue
-        if core not in seen and name in names:  # a tilt: the state is e, and the output the angle 2 asin(e)
+        if core not in seen and name in seen.values():  # a tilt: the state is e, and the output the angle 2 asin(e)
             name, what = f"state.{name}", f"{what}, as the core integrates it"
         if core not in seen:
             yield FmuVariable(name, unit, what, "local", {"role": "state", "of": core})
