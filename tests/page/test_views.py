@@ -119,6 +119,8 @@ def faults(page: Any, only: list[str] | None = None) -> list[str]:
     size = page.viewport_size
     for _ in range(3):  # a column of the height of the window grows with it
         high = page.evaluate("document.documentElement.scrollHeight")
+        if high == page.viewport_size["height"]:
+            break
         page.set_viewport_size({"width": size["width"], "height": high})
         page.evaluate(STEADY)
     found = page.evaluate(FAULTS, only)
