@@ -265,7 +265,7 @@ def lines(
 def _save_tubes(study: xr.Dataset, path: Path) -> None:
     """Write a row for each length and bore, with units in the column names."""
     table = study.to_dataframe().reset_index()
-    columns = {units.column_name(name, study[name].attrs["units"]): values.to_numpy() for name, values in table.items()}
+    columns = {units.column_name(name, study[name].attrs["units"]): table[name].to_numpy() for name in map(str, table)}
     trajectory.save_columns(columns, dict(study.attrs), path)
 
 

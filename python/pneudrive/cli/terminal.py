@@ -49,8 +49,7 @@ def writable_folder(out: Path) -> Path:
     """
     try:
         out.mkdir(parents=True, exist_ok=True)
-        with TemporaryFile(dir=out):
-            pass
+        TemporaryFile(dir=out).close()
     except OSError as error:
         raise CommandError(f"--out {out}: the folder cannot be written to", value=error.strerror) from None
     return out
@@ -176,8 +175,7 @@ class _Line:
         now = time.monotonic()
         if now - self.began < FIRST_S:
             return
-        share = f"{done:g} of {total:g}" if total else f"{done:g}"
-        text = f"{task}: {share}"
+        text = f"{task}: {done:g} of {total:g}" if total else f"{task}: {done:g}"
         if sys.stderr.isatty():
             sys.stderr.write(ERASED if done >= total > 0 else ERASED + text)
         elif now - self.written >= LINE_EVERY_S:

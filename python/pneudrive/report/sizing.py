@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 import platform
 import re
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from pneudrive import __version__
 from pneudrive.constants import ANR_LITRES_PER_KG
@@ -15,6 +15,7 @@ from pneudrive.describe.files import toml
 from pneudrive.describe.system import values_of
 from pneudrive.figures import THIN, Figure, Line, Look, Markers, Panel, Rule
 from pneudrive.files.writing import make_subfolder
+from pneudrive.report import page
 from pneudrive.report.circuit.svg import circuit_figure
 from pneudrive.report.page import Paragraph, Report, Topic, figure_of, references, sections_of, sketch, view_section
 from pneudrive.report.render import DrawnFigure, draw_figure
@@ -25,11 +26,6 @@ from pneudrive.sizing.search import MOST, is_of_command
 from pneudrive.sizing.task import GUIDES, WITHOUT, follows_from
 from pneudrive.sizing.task import values_of as task_values
 from pneudrive.views import Finding, ShownTable, ShownValue, View
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
-
-    from pneudrive.report.page import Blocks
 
 #: Quantities without a limit in the table of ranges: label, name of the value, factor from SI, unit.
 FREE = (
@@ -236,7 +232,7 @@ def sizing_sheet(found: SizingResult) -> View:
     )
 
 
-def _best(topic: Topic, found: SizingResult) -> Blocks:
+def _best(topic: Topic, found: SizingResult) -> page.Blocks:
     best = found.best
     if best is not None:
         parts = [f"{slot.replace('_', ' ')}: {name}" for slot, name in best.parts.items()]
@@ -244,7 +240,7 @@ def _best(topic: Topic, found: SizingResult) -> Blocks:
         yield topic.figure("circuit", circuit_figure(found.circuit()), parts=best.part_names)
 
 
-def _values(topic: Topic, found: SizingResult) -> Blocks:
+def _values(topic: Topic, found: SizingResult) -> page.Blocks:
     """Show the values of the best choice with their sources."""
     if found.best is None:
         return
@@ -259,7 +255,7 @@ def _values(topic: Topic, found: SizingResult) -> Blocks:
     yield Paragraph(tuple(line for line in circuit.assumed() if not line.startswith(named)))
 
 
-def _task(topic: Topic, found: SizingResult) -> Blocks:
+def _task(topic: Topic, found: SizingResult) -> page.Blocks:
     guide = found.task.guide
     follows = [f"{what}: {value:.4g} {unit}" for what, value, unit in follows_from(found.task)]
     follows += [topic.say("guide", name=guide, friction=GUIDES[guide])] if GUIDES[guide] else []
@@ -267,7 +263,7 @@ def _task(topic: Topic, found: SizingResult) -> Blocks:
     yield Paragraph(follows)
 
 
-def _method(topic: Topic, found: SizingResult) -> Blocks:
+def _method(topic: Topic, found: SizingResult) -> page.Blocks:
     asked = found.asked
     options = ", ".join(f"{name}={count}" for name, count in asked.items())
     lines = [f'import pneudrive as pn\n\nfound = pn.size("task.toml", {options})\nfound.report("out")']

@@ -3,26 +3,22 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import polars as pl
 
 from pneudrive import figures as drawing
+from pneudrive.arrays import Keyed
 from pneudrive.figures import MODEL, Figure, Line, Markers, Panel, look, stack, thin
 from pneudrive.identify.follow.fit import fitted_pressures
 from pneudrive.identify.identified import comparison_figure
 from pneudrive.report import page
 from pneudrive.report.page import MOST_SHOWN, Paragraph, Topic, figure_of, plural, quantity, spread_evenly, view_report
-from pneudrive.validate.motion import STATIC_FIT_PERCENT, FrictionValidation, agreement, fraction_inside
+from pneudrive.validate import motion
+from pneudrive.validate.motion import STATIC_FIT_PERCENT, FrictionValidation, MotionValidation
 from pneudrive.validate.validation import CHANNELS, Validation
 from pneudrive.views import Finding, ShownFigure, ShownTable, ShownValue, State, View, worst
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
-    from pathlib import Path
-
-    import polars as pl
-
-    from pneudrive.arrays import Keyed
-    from pneudrive.validate.motion import MotionValidation
 
 MOST_RECORDS, MOST_STOPS = 6, 60
 DIRECTIONS = {0: "both", 1: "+x", -1: "-x"}
@@ -172,9 +168,9 @@ def friction_view(found: FrictionValidation) -> View:
     )
     law, rows = Topic("validation", "curves"), []
     for points in curves:
-        whole, mean = agreement(points), (points["model_n"] - points["friction_n"]).mean()
+        whole, mean = motion.agreement(points), (points["model_n"] - points["friction_n"]).mean()
         about = (points[0, 0], DIRECTIONS[points[0, 1]], points.height)
-        rows.append((*about, mean, whole.largest, whole.nrmse, fraction_inside(points)))
+        rows.append((*about, mean, whole.largest, whole.nrmse, motion.fraction_inside(points)))
     return View(
         f"friction of {found.drive.name} against {found.source.name}",
         state=MET[found.met],

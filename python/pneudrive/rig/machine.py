@@ -9,6 +9,7 @@ import hashlib
 import json
 import math
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, field, fields, replace
 from typing import Any, ClassVar
 
@@ -203,11 +204,9 @@ class Past:
         RigError
             The data are not a history of this kind.
         """
-        try:
+        with suppress(TypeError, ValueError):
             if len(data) == len(fields(cls)):
                 return _PAST.validate_json(json.dumps(data, allow_nan=False, default=plain))
-        except (TypeError, ValueError):
-            pass
         raise RigError.of("rig.no-memory", value=data)
 
     def room_k(self, d: RigDescription, after_s: Numbers = 0.0) -> Numbers:

@@ -142,13 +142,11 @@ def add_example(workspace: Workspace) -> Plain:
 def _place(part: Path, target: Path) -> None:
     """Rename a complete file, if its name is still free."""
     try:
-        target.hardlink_to(part)
+        try:
+            target.hardlink_to(part)
+        except OSError:  # the name is taken, or the file system has no links
+            target.touch(exist_ok=False)
+            part.replace(target)
     except FileExistsError:
         raise CommandError(f"{target.name} already exists", remedy="Rename one of the two.") from None
-    except OSError:  # the file system has no links
-        try:
-            target.touch(exist_ok=False)
-        except FileExistsError:
-            raise CommandError(f"{target.name} already exists", remedy="Rename one of the two.") from None
-        part.replace(target)
     part.unlink(missing_ok=True)

@@ -11,6 +11,7 @@ import shlex
 import struct
 import zlib
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from functools import cache
 from importlib import import_module
 from inspect import Parameter, signature
@@ -118,12 +119,10 @@ def bounded(low: float, high: float, rule: str = "") -> WrapValidator:
     """Return the validator of a number in a request. Text that is not a number is out of bounds."""
 
     def check(given: Any, read: Any, info: Any) -> Any:  # noqa: ANN401 - signature of pydantic
-        try:
+        with suppress(ValidationError):
             value = read(given)
             if value is None or low <= value <= high:
                 return value
-        except ValidationError:
-            pass
         what = f"{info.field_name} = {str(given)[:80]} is out of bounds"
         raise CommandError(what, rule=rule or f"a whole number, {low} to {high}")
 

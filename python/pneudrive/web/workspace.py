@@ -18,6 +18,7 @@ import tempfile
 import threading
 import time
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cache, lru_cache
 from itertools import count, islice
@@ -119,19 +120,13 @@ class Workspace:
         CommandError
             The name is not valid, or leads out of the workspace.
         """
-        if not isinstance(name, str):
-            raise _refused(name)
-        parts = name.split("/")
-        is_wrong = not 0 < len(name) <= LONGEST or _FORBIDDEN.search(name)
-        if is_wrong or any(not part or part.startswith(".") for part in parts):
-            raise _refused(name)
-        try:
-            place = self.root.joinpath(*parts).resolve()
-        except (OSError, RuntimeError, ValueError):  # a cycle of links, or a name that the system rejects
-            raise _refused(name) from None
-        if not place.is_relative_to(self.root):
-            raise _refused(name)
-        return place
+        is_text = isinstance(name, str) and 0 < len(name) <= LONGEST and not _FORBIDDEN.search(name)
+        if is_text and not any(not part or part.startswith(".") for part in name.split("/")):
+            with suppress(OSError, RuntimeError, ValueError):  # a cycle of links, or a name that the system rejects
+                place = (self.root / name).resolve()
+                if place.is_relative_to(self.root):
+                    return place
+        raise CommandError.of("web.refused", name=str(name)[:80])
 
     def check_named(self, name: str, tables: dict[str, Any]) -> None:
         """Reject a description that names a file outside the workspace. Names are relative to its folder."""
@@ -279,10 +274,6 @@ def safe(name: str) -> str:
     return f"./{name}" if name.startswith("-") else name
 
 
-def _refused(name: object) -> CommandError:
-    return CommandError.of("web.refused", name=str(name)[:80])
-
-
 @lru_cache(maxsize=MOST_FILES)
 def _kind(path: str, _changed_ns: int, _size: int) -> str:
     """Return the kind of a file. TOML files are distinguished by their tables."""
@@ -304,14 +295,12 @@ def cache_folder() -> Path:
         named = os.environ.get("LOCALAPPDATA" if sys.platform == "win32" else "XDG_CACHE_HOME", "")
         cache = Path(named) if Path(named).is_absolute() else Path.home() / ".cache"
     folder = cache / "pneudrive" / "page"
-    try:
+    with suppress(OSError):
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
         is_ours = not hasattr(os, "getuid") or folder.stat().st_uid == os.getuid()
         if not folder.is_symlink() and is_ours and os.access(folder, os.W_OK):
             folder.chmod(0o700)
             return folder.resolve()
-    except OSError:
-        pass
     return log_folder()
 
 

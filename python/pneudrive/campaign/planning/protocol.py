@@ -13,7 +13,7 @@ from typing import Annotated, Any, Literal, NamedTuple
 from pydantic import ConfigDict, Field, PrivateAttr, model_validator
 
 from pneudrive import units
-from pneudrive.arrays import Keyed, Plain
+from pneudrive.arrays import Plain
 from pneudrive.describe import marks
 from pneudrive.describe.base import Described
 from pneudrive.describe.files import toml
@@ -659,8 +659,8 @@ def read_protocol(source: str | Path) -> Protocol:
         path = ready[str(source)]
     elif not path.exists() and path.parent == Path() and path.suffix != ".toml":
         raise ProtocolError(f"there is no protocol '{source}'", remedy=f"{nearest(str(source), ready)} Or name a file.")
-    tables, text = toml.read(path, ProtocolError, f"Ready protocols: {', '.join(ready)}.")
-    return _from_tables(tables, text, str(path))
+    _, text = toml.read(path, ProtocolError, f"Ready protocols: {', '.join(ready)}.")
+    return parse_protocol(text, str(path))
 
 
 def parse_protocol(text: str, origin: str = "protocol") -> Protocol:
@@ -671,7 +671,11 @@ def parse_protocol(text: str, origin: str = "protocol") -> Protocol:
     ProtocolError
         As for `read_protocol`.
     """
-    return _from_tables(toml.parse(text, origin, ProtocolError), text, origin)
+    tables = toml.parse(text, origin, ProtocolError)
+    with toml.locating(origin, text, ProtocolError):
+        protocol = Protocol.model_validate(tables)
+    protocol._text, protocol._origin = text, origin
+    return protocol
 
 
 def ready_protocols() -> dict[str, Path]:
@@ -684,10 +688,3 @@ def protocol_schema() -> Plain:
     schema = Protocol.model_json_schema(by_alias=True)
     measured = [{"required": ["speed"]}, {"required": ["stop"]}]
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema, "anyOf": measured}
-
-
-def _from_tables(tables: Keyed, text: str, origin: str) -> Protocol:
-    with toml.locating(origin, text, ProtocolError):
-        protocol = Protocol.model_validate(tables)
-    protocol._text, protocol._origin = text, origin
-    return protocol

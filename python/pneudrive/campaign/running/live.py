@@ -253,10 +253,9 @@ def read_live(folder: Path) -> tuple[Plain, Columns] | None:
         Key of the ``cycle``, remaining wall-clock time ``left`` in words, and number of ``samples`` so far. Then an
         array of shape (n,) for each of `COLUMNS`.
     """
-    try:
-        with np.load(BytesIO(read_bytes(folder / FOLDER / LIVE, CampaignError))) as file:
-            about = json.loads(str(file["about"]))
-            points: Columns = dict(zip(COLUMNS, file["points"].T, strict=True))
+    damaged = (EOFError, KeyError, NotImplementedError, TypeError, ValueError, BadZipFile, zlib.error)
+    with suppress(CampaignError, *damaged), np.load(BytesIO(read_bytes(folder / FOLDER / LIVE, CampaignError))) as file:
+        about = json.loads(str(file["about"]))
+        points: Columns = dict(zip(COLUMNS, file["points"].T, strict=True))
         return {key: about[key] for key in ("cycle", "left", "samples")}, points
-    except (CampaignError, EOFError, KeyError, NotImplementedError, TypeError, ValueError, BadZipFile, zlib.error):
-        return None
+    return None

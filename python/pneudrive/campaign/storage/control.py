@@ -23,7 +23,6 @@ from datetime import datetime
 from itertools import chain
 from pathlib import Path
 from time import monotonic, sleep, time_ns
-from typing import Any
 
 from pneudrive.campaign.cycle import WORDS
 from pneudrive.errors import CampaignError, CommandError
@@ -230,11 +229,9 @@ def holder(folder: Path) -> Holder | None:
 
 
 def _read(path: Path) -> Holder | None:
-    try:
-        given: dict[str, Any] = read_json(path, CampaignError)
-        return Holder(**given)
-    except (CampaignError, TypeError):
-        return None
+    with suppress(CampaignError, TypeError):
+        return Holder(**read_json(path, CampaignError))
+    return None
 
 
 def user() -> str:
@@ -327,21 +324,19 @@ class Requests:
         self._arrived.put(None)
 
     def _waiting(self) -> list[Path]:
-        try:
+        names: list[str] = []
+        with suppress(OSError):
             names = sorted(os.listdir(self._folder))  # noqa: PTH208 - one system call, five times a second
-        except OSError:
-            return []
         return [self._folder / name for name in names if not name.endswith((PART, ".taken", LIVE))]
 
     @staticmethod
     def _take_file(path: Path) -> Request | None:
         taken = path.with_name(path.name + ".taken")
-        try:
+        request = None
+        with suppress(OSError, CampaignError, KeyError, TypeError):
             path.rename(taken)
             data = read_json(taken, CampaignError)
             request = Request(str(data["word"]), str(data["by"]))
-        except (OSError, CampaignError, KeyError, TypeError):
-            request = None
         with suppress(OSError):
             taken.unlink()
         return request if request is not None and request.word in REQUESTS else None

@@ -140,9 +140,8 @@ class Link:
     def close(self) -> None:
         """Close the connection and end the thread."""
         try:
-            self._loop.run(self._leave(), CLOSING_S)
-        except (LinkError, TimeoutError, asyncio.TimeoutError):
-            pass
+            with suppress(LinkError, TimeoutError, asyncio.TimeoutError):
+                self._loop.run(self._leave(), CLOSING_S)
         finally:
             self.lost = "the connection is closed"
             self._loop.close()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from contextlib import suppress
 from pathlib import Path
 
 from pneudrive.arrays import Interval, Plain, attributes_of, by_name
@@ -121,7 +122,6 @@ def _scaled(ends: Interval | None, factor: float) -> list[float] | None:
 
 def _task_at(path: Path) -> SizingTask | None:
     """Return the task of a file, or None if it is not valid."""
-    try:
+    with suppress(PneudriveError):
         return SizingTask.load(path)
-    except PneudriveError:
-        return None
+    return None
