@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -53,23 +55,29 @@ def stderrs_of_means(rows: Array) -> Array:
     return found
 
 
-# --- Distinct levels among measured values.
+# --- Groups of values that are equal except for noise.
 
 #: Relative difference below which two speeds count as one level.
 SAME_SPEED = 0.05
 
 
+def groups_by(values: Sequence[float], is_apart: Callable[[float, float], bool]) -> list[slice]:
+    """Return the groups of ascending values as slices.
+
+    A value begins a new group if ``is_apart(lowest, value)``; ``lowest`` is the first value of the group before it.
+    """
+    starts: list[int] = []
+    for i, value in enumerate(values):
+        if not starts or is_apart(values[starts[-1]], value):
+            starts.append(i)
+    return [slice(*ends) for ends in pairwise([*starts, len(values)])]
+
+
 def distinct_levels(values: Array) -> list[Interval]:
     """Group values by magnitude, within the fraction `SAME_SPEED`. Return the lowest and highest of each group."""
-    levels: list[Interval] = []
-    for value in np.sort(np.abs(values)).tolist():
-        if not levels or value - levels[-1][0] > SAME_SPEED * value:
-            levels.append((value, value))
-        levels[-1] = (levels[-1][0], value)
-    return levels
-
-
-# --- Groups of values that are equal except for noise.
+    ordered = np.sort(np.abs(values)).tolist()
+    groups = groups_by(ordered, lambda lowest, value: value - lowest > SAME_SPEED * value)
+    return [(ordered[group.start], ordered[group.stop - 1]) for group in groups]
 
 
 def levels(values: Array, reach: float) -> Ints:
@@ -80,12 +88,9 @@ def levels(values: Array, reach: float) -> Ints:
     >>> levels(np.array([3.0, 1.0, 1.1, 2.9]), 0.2).tolist()
     [1, 0, 0, 1]
     """
-    level = np.zeros(values.size, dtype=np.int64)
-    least, number = -np.inf, -1
-    for i in np.argsort(values):
-        if values[i] - least > reach:
-            least, number = values[i], number + 1
-        level[i] = number
+    level, order = np.zeros(values.size, dtype=np.int64), np.argsort(values)
+    for number, group in enumerate(groups_by(values[order].tolist(), lambda least, value: value - least > reach)):
+        level[order[group]] = number
     return level
 
 

@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
+from numpy.typing import ArrayLike
 from threadpoolctl import threadpool_limits
 
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from numpy.typing import ArrayLike
-
-    from pneudrive.arrays import Array, ArrayPair, Interval
-
+from pneudrive.arrays import Array, ArrayPair, Interval
 
 CONFIDENCE = 0.95  # confidence of every interval
 #: Two-sided 95 % quantile of the normal distribution.

@@ -11,6 +11,7 @@ import numpy as np
 from pneudrive import _core
 from pneudrive.arrays import Array, Bools, Ints, Pair
 from pneudrive.errors import RecordingError
+from pneudrive.estimate.autocorrelation import groups_by
 
 Levels = list[list["Stroke"]]  # strokes of one speed, slowest first
 
@@ -286,13 +287,8 @@ def _one_way_levels(strokes: list[Stroke]) -> Levels:
 
 def _groups(ordered: list[Stroke], width: float) -> Levels:
     """Return strokes in groups whose speeds differ at most by the factor ``width``; slowest first."""
-    groups: Levels = []
-    for stroke in ordered:
-        if groups and stroke.pace_m_s <= groups[-1][0].pace_m_s * width:
-            groups[-1].append(stroke)
-        else:
-            groups.append([stroke])
-    return groups
+    paces = [stroke.pace_m_s for stroke in ordered]
+    return [ordered[group] for group in groups_by(paces, lambda slowest, pace: pace > slowest * width)]
 
 
 def _are_steps(groups: Levels) -> bool:
