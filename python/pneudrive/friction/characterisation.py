@@ -21,7 +21,7 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import chain, combinations, pairwise, product
+from itertools import chain, combinations, product
 from pathlib import Path
 from types import SimpleNamespace
 from typing import TYPE_CHECKING
@@ -31,12 +31,12 @@ import polars as pl
 
 from pneudrive.arrays import Array, Columns, Interval, NamedNumbers, Row, evenly
 from pneudrive.errors import RecordingError
+from pneudrive.estimate.autocorrelation import groups_by
 from pneudrive.estimate.estimates import Estimate, changed, rms, student
 from pneudrive.files.inputs import INPUTS, stored_input
 from pneudrive.friction import level as reduction
-from pneudrive.friction.budget import CLOCKS
 from pneudrive.friction.friction_map import AMBIENT, COLUMNS, SAME_PA, TABLES, columns_to_dataset
-from pneudrive.friction.level import Level, RecordingResult
+from pneudrive.friction.level import CLOCKS, Level, RecordingResult
 from pneudrive.friction.sentences import named, sentence
 from pneudrive.friction.strokes import SampleChoice, Settled, StrokeUse, stroke_notes
 from pneudrive.lazy_names import upper
@@ -605,12 +605,8 @@ def run_spread(points: pl.DataFrame) -> RunSpread | None:
 def _neighbours(points: pl.DataFrame, column: str, width: Callable[[float], float]) -> list[pl.DataFrame]:
     """Group points by a column. Each value exceeds the lowest value v of its group by at most `width(v)`."""
     points = points.sort(column, maintain_order=True)
-    values, starts = points[column].to_list(), [0]
-    for i, value in enumerate(values):
-        lowest = values[starts[-1]]
-        if value - lowest > width(lowest):
-            starts.append(i)
-    return [points[begin:end] for begin, end in pairwise([*starts, len(values)])]
+    groups = groups_by(points[column].to_list(), lambda lowest, value: value - lowest > width(lowest))
+    return [points[group] for group in groups]
 
 
 def fit_pressure_lines(points: pl.DataFrame) -> list[PressureLine]:

@@ -20,8 +20,7 @@ from pneudrive.friction.bins import Grid, Profile, bin_means, known_mean, mean_p
 from pneudrive.friction.sentences import sentence
 from pneudrive.friction.stick_slip import ReversalPeak, StickSlip, median
 from pneudrive.signals.motion import Stroke, find_strokes, local_slope, speed_levels, straight_line, thinned
-from pneudrive.signals.pressure_delay import PressureDelay
-from pneudrive.signals.recording import Recording, refuse_channels
+from pneudrive.signals.recording import PressureDelay, Recording, refuse_channels
 
 # Least share of the window's bins with settled samples for a stroke to count. Missing bins are filled from the profile.
 COVERED_SHARE = 0.25

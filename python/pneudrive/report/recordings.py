@@ -17,9 +17,9 @@ import polars as pl
 from pneudrive import figures
 from pneudrive.errors import RecordingError
 from pneudrive.figures import THIN, Axis, Band, Figure, Line, Look, Markers, Panel, Rule, look, ramp, stack, thin
-from pneudrive.friction.budget import COVERAGE_FACTOR
 from pneudrive.friction.characterisation import MINIMUM_RANGE_PA, NET, Characterisation, ClosureFit, PressureLine
 from pneudrive.friction.friction_map import ALL_RECORDINGS, MapGroup, bar, group_of, groups_of
+from pneudrive.friction.level import COVERAGE_FACTOR
 from pneudrive.friction.sentences import flag_findings
 from pneudrive.identify.static.result import FrictionFit
 from pneudrive.numbers import fixed, plain
@@ -78,9 +78,9 @@ def write_layout_figure(proposal: Proposal, path: str | Path) -> Path:
         figure = record_figure(proposal.recording, proposal.strokes, notes, title)
     else:  # the raw columns, which do not form a recording
         roles, panels = {guess.index: guess for guess in proposal.guesses}, []
-        for index, values in enumerate(proposal.columns[:8]):
+        for index, values in enumerate(proposal.file.values[:8]):
             part, guess = values[:FIRST_SAMPLES], roles.get(index)
-            name = proposal.reading.names[index] if proposal.reading.names else f"column {index}"
+            name = proposal.file.names[index] if proposal.file.names else f"column {index}"
             label = name if guess is None else f"{name}\n{guess.role}\n({guess.unit})"
             panels.append(Panel([Line(range(len(part)), part, width=0.7)], y=Axis(label, is_si=False)))
         title = f"{proposal.path.name}: {proposal.problem or understood}"

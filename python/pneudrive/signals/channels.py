@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from pneudrive.errors import CommandError, DescriptionError, LayoutError, RecordingError
 from pneudrive.files.tables import Table, open_table
 from pneudrive.signals.force_calibration import ForceCalibration
-from pneudrive.signals.importer import TEXT_KINDS, names_of, read_channels, read_foreign
 from pneudrive.signals.layout import Column, FileLayout, Layout
+from pneudrive.signals.load import TEXT_KINDS, names_of, read_channels, read_foreign
 from pneudrive.signals.text_table import sniff_format
 from pneudrive.simulation.trajectory import meaning, save_columns
 from pneudrive.units import converter, is_unit
@@ -257,10 +257,10 @@ def _open(path: Path, said: FileLayout | None, cache: Path) -> tuple[Table, Name
     converted = cache / f"table-{hashlib.sha256(repr(how).encode()).hexdigest()[:16]}.parquet"
     if not converted.is_file():
         if said is None:
-            form, values = read_foreign(path)
-            names = form.names if len(set(form.names)) == len(values) else [f"column {at}" for at in range(len(values))]
-            columns = {name: values[at] for at, name in enumerate(names) if at not in form.words}
-            about: dict[str, Names] = {"units": dict(zip(names, form.units, strict=False))}
+            file = read_foreign(path)
+            names = file.names if len({*file.names}) == file.columns else [f"column {k}" for k in range(file.columns)]
+            columns = {name: file.values[at] for at, name in enumerate(names) if at not in file.words}
+            about: dict[str, Names] = {"units": dict(zip(names, file.units, strict=False))}
         else:
             foreign, channels = read_channels(path, said, others=True)
             # A time at a rate has no column.

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
@@ -14,9 +14,8 @@ from pneudrive.errors import RecordingError, warn
 from pneudrive.files.content import parse_json
 from pneudrive.files.tables import open_table
 from pneudrive.repr_tables import Shown
-from pneudrive.signals.importer import import_file
 from pneudrive.signals.layout import KINDS, AnyLayout, Layout, stem
-from pneudrive.signals.load import digest_of, find_layout, is_run, layout_beside
+from pneudrive.signals.load import digest_of, find_layout, import_file, is_run, layout_beside
 from pneudrive.signals.motion import NOISE_FACTOR, noise_level
 from pneudrive.signals.recording import QUANTILES, refuse_pressure
 from pneudrive.simulation.trajectory import columns_in, meaning, read_columns
@@ -24,8 +23,8 @@ from pneudrive.simulation.trajectory import columns_in, meaning, read_columns
 if TYPE_CHECKING:
     import xarray as xr
 
-    Given = str | Path | xr.Dataset | Mapping[str, Any]
-
+#: A recording of a drive in one of its forms.
+Given: TypeAlias = "str | Path | xr.Dataset | Mapping[str, Any]"
 NEEDED = ("time_s", "command", "position_m", "pressure_a_pa", "pressure_b_pa")
 OPTIONAL = ("velocity_m_s", "temperature_a_k", "temperature_b_k", "force_n", "friction_force_n")
 LEAST_SAMPLES = 50

@@ -19,11 +19,11 @@ from pneudrive.signals.columns import RATE, SAMPLES, STEP, header_unit, role_of
 from pneudrive.signals.times import guess_form, looks_like_date_time, seconds
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Iterator, Set
+    from collections.abc import Collection, Iterator, Sequence, Set
 
     import polars as pl
 
-    from pneudrive.arrays import Array
+    from pneudrive.arrays import Array, Plain
 
     Lines = list[str]  # of a file
     Fields = list[str]  # of a line
@@ -358,42 +358,30 @@ _LOOSE = re.compile(r"[^\s\[(]+\s*(?:[\[(][^\])]{0,40}[\])])?")
 _CELL = re.compile(r"[-+]?\d[\d.,]*+ ([^\W\d_][\w/()]*)")  # a number and its unit
 
 
-@dataclass(frozen=True)
-class FileForm:
-    """Format of a file: ``form`` of a text, names of the columns (if any), and number of columns.
+@dataclass(frozen=True, eq=False)
+class ForeignFile:
+    """Format and columns of a file without a layout, or one interpretation of the lines of a text.
 
-    ``dates`` holds the columns of dates and times, by number, with their formats. ``words`` holds columns of texts,
-    with the number of different texts in the first rows.
-    ``steps_s``, ``starts_s`` and ``source`` are those of `read_preamble`. ``other_lengths`` has the lengths, by name,
-    of channels that do not fit into the table.
+    ``form`` is the format of a text, and ``share`` the fraction of its sampled lines that are rows of numbers.
+    ``columns`` is the number of columns, and ``values`` has their numbers; columns of texts are empty. ``dates`` holds
+    the columns of dates and times, by number, with their formats. ``words`` holds columns of texts, with the number of
+    different texts in the sampled lines. ``steps_s``, ``starts_s`` and ``source`` are those of `read_preamble`.
+    ``other_lengths`` has the lengths, by name, of channels that do not fit into the table.
     """
 
     format: str
     form: TextForm
-    names: Fields
-    units: Fields
     columns: int
+    share: float = 1.0
+    names: Sequence[str] = ()
+    units: Sequence[str] = ()
+    values: Sequence[Array] = ()
     dates: dict[int, str] = field(default_factory=dict)
     words: dict[int, int] = field(default_factory=dict)
     steps_s: tuple[float, ...] = ()
     starts_s: dict[int, float] = field(default_factory=dict)
     source: str = ""
     other_lengths: dict[str, int] = field(default_factory=dict)
-
-
-@dataclass(frozen=True)
-class _Reading:
-    """One interpretation of the lines: fraction of numeric rows, number of columns, and text columns."""
-
-    form: TextForm
-    share: float
-    width: int
-    words: frozenset[int]
-
-    @property
-    def worth(self) -> float:
-        """Rating of this interpretation: more columns of numbers are better."""
-        return (self.width - len(self.words)) * self.share
 
 
 def sniff_format(path: Path) -> str:
@@ -405,7 +393,7 @@ def sniff_format(path: Path) -> str:
         return MAGIC.get(file.read(4), "csv")
 
 
-def sniff_text(path: Path, data: bytes) -> FileForm:
+def sniff_text(path: Path, data: bytes) -> ForeignFile:
     """Find delimiter, decimal sign, thousands separator and header of a text table.
 
     Raises
@@ -417,7 +405,7 @@ def sniff_text(path: Path, data: bytes) -> FileForm:
     tail = [line for line in lines if line.strip() and not line.startswith("#")]
     sample = _sample(tail)
     readings = [_read(sample, form) for form in _candidates(sample) if sample]
-    readings = [one for one in readings if one.width - len(one.words) >= 2]
+    readings = [one for one in readings if one.columns - len(one.words) >= 2]
     for least in (MOSTLY, SEGMENTED):
         fit = [one for one in readings if one.share >= least]
         # Where white space separates columns, it does not mean thousands: 0,635 105,2 is two numbers.
@@ -426,9 +414,9 @@ def sniff_text(path: Path, data: bytes) -> FileForm:
         # White space is also used inside dates. It is the delimiter only without other signs.
         fit = [one for one in fit if one.form.delimiter is not None] or fit
         if fit:
-            worth = max(one.worth for one in fit)
-            # Among equals the earlier candidate wins: it has fewer separators.
-            fit = [one for one in fit if one.worth > worth - 1e-9]
+            # More columns of numbers are better. Among equals the earlier candidate wins: it has fewer separators.
+            worth = [(one.columns - len(one.words)) * one.share for one in fit]
+            fit = [one for one, value in zip(fit, worth, strict=True) if value > max(worth) - 1e-9]
             _refuse_ambiguous(fit, sample, path)
             return _with_header(lines, fit[0])
     cells = [found for line in sample[:FEW_LINES] for found in _CELL.finditer(line)]
@@ -466,7 +454,7 @@ def _candidates(sample: Lines) -> list[TextForm]:
     return forms
 
 
-def _read(sample: Lines, form: TextForm) -> _Reading:
+def _read(sample: Lines, form: TextForm) -> ForeignFile:
     """Return the fraction of numeric lines with the usual number of columns, this number, and text columns."""
     if len(sample) > 2 * FEW_LINES:
         few = _read(sample[:: len(sample) // FEW_LINES], form)
@@ -476,11 +464,12 @@ def _read(sample: Lines, form: TextForm) -> _Reading:
     widths = [len(row) for row in rows]
     usual = max(set(widths), key=widths.count)
     right = [row for row in rows if len(row) == usual and not is_words(row, form)]  # no header that comes again
-    words: frozenset[int] = frozenset()
+    words = {}
     if form.delimiter is not None:  # white space stands in texts, too
-        words = frozenset(at for at in range(usual) if _is_of_words([row[at] for row in right], form))
+        texts = {at: [row[at] for row in right] for at in range(usual)}
+        words = {at: len({*column}) for at, column in texts.items() if _is_of_words(column, form)}
     good = sum(is_row_of_numbers(row, form, words) for row in right)
-    return _Reading(form, good / len(rows), usual, words)
+    return ForeignFile("csv", form, usual, good / len(rows), words=words)
 
 
 def _is_of_words(texts: list[str], form: TextForm) -> bool:
@@ -489,7 +478,7 @@ def _is_of_words(texts: list[str], form: TextForm) -> bool:
     return bool(there) and all(_WORD.match(text) and not is_number(text, form) for text in there)
 
 
-def _refuse_ambiguous(fit: list[_Reading], sample: Lines, path: Path) -> None:
+def _refuse_ambiguous(fit: list[ForeignFile], sample: Lines, path: Path) -> None:
     """Reject a file with numbers such as 10,307 that may mean 10.307 or 10307.
 
     Raises
@@ -505,11 +494,11 @@ def _refuse_ambiguous(fit: list[_Reading], sample: Lines, path: Path) -> None:
         raise RecordingError.of("signals.decimals-or-thousands", where=str(path), number=number)
 
 
-def _with_header(lines: Lines, reading: _Reading) -> FileForm:
+def _with_header(lines: Lines, reading: ForeignFile) -> ForeignFile:
     """Find the first row of numbers and the header above it."""
-    form, width = replace(reading.form, header=True), reading.width
+    form, width = replace(reading.form, header=True), reading.columns
     first = _first_of_numbers(lines, reading)
-    stated, steps_s, starts_s, source = read_preamble(lines[:first], form, width)
+    about = read_preamble(lines[:first], form, width)
     # The rows next to the numbers are names, units and descriptions. The row of names has names of most roles; among
     # equal rows it is the one above the units. Names for fewer than half of the columns are a preamble.
     rows = list(_rows_above(lines[:first], form, width))
@@ -526,20 +515,19 @@ def _with_header(lines: Lines, reading: _Reading) -> FileForm:
         texts = [row[column] for row in numbers if looks_like_date_time(row[column])]
         if 2 * len(texts) > len(numbers) and (written := guess_form(texts)) is not None:
             dates[column] = written
-    words = {at: len({row[at] for row in numbers}) for at in reading.words}
-    units = (units if named else []) or stated
-    return FileForm("csv", form, names, units, width, dates, words, steps_s, starts_s, source)
+    about |= {"units": units} if named and units else {}
+    return replace(reading, form=form, names=names, dates=dates, **about)
 
 
-def _first_of_numbers(lines: Lines, reading: _Reading) -> int:
+def _first_of_numbers(lines: Lines, reading: ForeignFile) -> int:
     """Return the first line of the table.
 
     Further lines of numbers must follow it, because a preamble may also contain numbers.
     """
-    form, longest = reading.form, list[int]()
+    form, width, words, longest = reading.form, reading.columns, reading.words, list[int]()
     filled = (at for at, line in enumerate(lines) if line.strip(" ") and not line.startswith(form.comment))
     fields = ((at, split_row(lines[at], form.delimiter)) for at in filled)
-    runs = groupby(fields, lambda row: len(row[1]) == reading.width and is_row_of_numbers(row[1], form, reading.words))
+    runs = groupby(fields, lambda row: len(row[1]) == width and is_row_of_numbers(row[1], form, words))
     for are_numbers, run in runs:
         table = [at for at, _ in islice(run, TABLE_ROWS)] if are_numbers else []
         longest = max(longest, table, key=len)
@@ -580,41 +568,40 @@ def _are_units(fields: Fields) -> bool:
     return any(unit.si for unit in known) and 2 * len(known) > len(filled)
 
 
-def read_preamble(lines: Lines, form: TextForm, width: int) -> tuple[Fields, tuple[float, ...], dict[int, float], str]:
+def read_preamble(lines: Lines, form: TextForm, width: int) -> Plain:
     """Read the lines above a table. The last line of each kind is used.
 
     Returns
     -------
-    list, tuple, dict, str
-        Units of the columns; time steps of the samples in s (one for all channels, or one for each); first times in s
-        by column; and the line that states the steps.
+    dict
+        ``units`` of the columns; ``steps_s``, time steps of the samples in s (one for all channels, or one for each);
+        ``starts_s``, first times in s by column; and ``source``, the line that states the steps.
     """
-    steps: tuple[float, ...] = ()
-    source = ""
+    found: Plain = {}
     starts: dict[int, float] = {}
     clocks: dict[int, float] = {}
-    units: Fields = []
     for line in lines:
         label, *cells = split_row(line, form.delimiter)[:width] or [""]
         word = label.strip(" #%:").lower()
         numbers = _numbers(cells, form)
         if word == "delta_x" and numbers and min(numbers.values()) > 0:
-            steps, source = tuple(numbers.values()), line.strip()
+            found |= {"steps_s": tuple(numbers.values()), "source": line.strip()}
         elif word == "x0" and numbers:
             starts = numbers
         elif word == "time" and cells:
             clocks = _clocks(cells)
         elif word == "y_unit_label" and any(header_unit(cell) for cell in cells):
-            units = ["", *cells]
+            found["units"] = ["", *cells]
         elif match := RATE.search(line) or STEP.search(line):
             unit = SAMPLES.get(match.group(2).lower(), 1e-6)
             value = float(match.group(1).replace(",", ".")) * unit
-            steps, source = (value if match.re is STEP else 1.0 / (value or 1.0),), line.strip()
+            step = value if match.re is STEP else 1.0 / (value or 1.0)
+            found |= {"steps_s": (step,), "source": line.strip()}
     if set(clocks) == set(starts):
         starts = {at: starts[at] + clocks[at] for at in starts}
     first = min(starts.values(), default=0.0)
     starts = {at: start - first for at, start in starts.items()}
-    return units, steps, starts if any(starts.values()) else {}, source
+    return found | ({"starts_s": starts} if any(starts.values()) else {})
 
 
 def _numbers(cells: Fields, form: TextForm) -> dict[int, float]:

@@ -30,8 +30,7 @@ from pneudrive.progress import Flag, Progress, Watch
 from pneudrive.signals.drive_recording import read_volume_recordings
 from pneudrive.signals.layout import AnyLayout
 from pneudrive.signals.motion import NOISE_FACTOR, local_slope, noise_level
-from pneudrive.signals.pressure_delay import PressureDelay, pressure_delay
-from pneudrive.signals.recording import Recording
+from pneudrive.signals.recording import PressureDelay, Recording, pressure_delay
 from pneudrive.simulation.trajectory import check_target, columns_in, write_frame, write_whole
 from pneudrive.validate.balance import HELD_OUT, MADE, NONE_HELD_OUT, Metrics, badge_of, held_out_notes, metrics
 from pneudrive.views import Reported, ShownFigure, ShownValue, View

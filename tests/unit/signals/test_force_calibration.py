@@ -12,10 +12,10 @@ import pytest
 from oracle.campaigns import World, write_campaign
 from pneudrive.characteristics import campaign_friction
 from pneudrive.errors import CampaignError, LayoutError
-from pneudrive.friction.budget import systematic_budget
+from pneudrive.friction.level import systematic_budget
 from pneudrive.signals.force_calibration import ForceCalibration
-from pneudrive.signals.importer import si_columns
 from pneudrive.signals.layout import Layout
+from pneudrive.signals.load import si_columns
 from pneudrive.signals.recording import Recording
 from unit.signals.test_bad_recordings import TEXT
 

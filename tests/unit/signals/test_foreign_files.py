@@ -148,7 +148,7 @@ def test_a_decimal_comma_does_not_separate_columns(tmp_path):
     pressure = np.linspace(601.0, 40.0, time.size)  # in most rows a blank before three digits looks like thousands
     rows = [[f"{t:.3f}".replace(".", ","), f"{p:.1f}".replace(".", ",")] for t, p in zip(time, pressure, strict=True)]
     (tmp_path / "a.txt").write_text(text_of([["Zeit[s]", "Druck[kPa]"]], rows, " "))
-    form = propose_layout(tmp_path / "a.txt").reading.form
+    form = propose_layout(tmp_path / "a.txt").file.form
     assert (form.delimiter, form.decimal, form.thousands) == (None, ",", None)
 
 

@@ -220,7 +220,7 @@ def test_a_layout_is_proposed_for_it(table, tmp_path, write):
 def test_columns_of_a_mat_file_are_in_the_order_of_their_names(table, tmp_path):
     """Its library lists them in any order."""
     mat73(tmp_path / "lip.mat", table)
-    assert propose_layout(tmp_path / "lip.mat").reading.names == [f"rig.{name}" for name in "fptx"]
+    assert propose_layout(tmp_path / "lip.mat").file.names == [f"rig.{name}" for name in "fptx"]
 
 
 def test_cycles_of_a_campaign_file_with_dates(table, tmp_path):

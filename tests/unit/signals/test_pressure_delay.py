@@ -9,8 +9,7 @@ import pytest
 import pneudrive as pn
 from oracle.gas_spring import AREAS, Truth, record
 from pneudrive.characterise import load_recordings
-from pneudrive.signals.pressure_delay import pressure_delay
-from pneudrive.signals.recording import Recording
+from pneudrive.signals.recording import Recording, pressure_delay
 
 DATA = Path(__file__).resolve().parents[3] / "data" / "measurements" / "mbari-2022-gas-spring"
 

@@ -222,7 +222,7 @@ def test_a_table_that_is_no_recording_gets_no_layout(tmp_path, refusal, head):
     rng = np.random.default_rng(0)
     rows = [f"{i},{rng.uniform(1, 90):.2f},{rng.integers(1, 9)}" for i in range(400)]
     (tmp_path / "a.csv").write_text("\n".join([head, *rows] if head else rows))
-    refusal(["layout", tmp_path / "a.csv", "--out", tmp_path / "layout.toml"], "do not fit a recording")
+    refusal(["layout", tmp_path / "a.csv", "--out", tmp_path / "layout.toml"], "do not match a recording")
     assert not (tmp_path / "layout.toml").exists()
 
 
@@ -244,7 +244,7 @@ def test_dots_that_separate_thousands(tmp_path):
     (tmp_path / "leak.csv").write_text("\n".join(rows))
     proposal = propose_layout(tmp_path / "leak.csv")
     assert 'thousands = "."' in proposal.text
-    assert proposal.columns[0][-1] == 39900.0
+    assert proposal.file.values[0][-1] == 39900.0
     assert proposal.kind == "fixed-volume"
 
 

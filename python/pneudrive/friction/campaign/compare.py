@@ -293,7 +293,7 @@ class Test:
     difference : Estimate or None
         Second minus first; None if the test has several parts.
     p : float
-        Probability of such a large difference by chance. NaN without a test.
+        Probability of such a large difference by chance.
     adjusted_p : float
         `p` after Holm's correction for the number of tests.
     different : bool
@@ -369,11 +369,9 @@ def compare_campaigns(first: CampaignCharacteristics, second: CampaignCharacteri
     found, pairs = compare_curves(*both, _gain(both)), tuple(_pairs(both))
     why, curves = (found, None) if isinstance(found, str) else ("", found)
     tests = list(_tests(both, curves, pairs))
-    known = [i for i, test in enumerate(tests) if np.isfinite(test.p)]
-    adjusted = holm(np.array([tests[i].p for i in known])).tolist()
-    for i, p in zip(known, adjusted, strict=True):
-        tests[i] = replace(tests[i], adjusted_p=p, different=p < CHANCE)
-    compared = Comparison(first, second, tuple(_checks(both)), tuple(tests), curves, pairs)
+    adjusted = zip(tests, holm(np.array([test.p for test in tests])).tolist(), strict=True)
+    tests = tuple(replace(test, adjusted_p=p, different=p < CHANCE) for test, p in adjusted)
+    compared = Comparison(first, second, tuple(_checks(both)), tests, curves, pairs)
     return replace(compared, statements=tuple(_statements(compared, why)))
 
 

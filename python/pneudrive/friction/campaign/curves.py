@@ -21,11 +21,11 @@ from pneudrive.arrays import Array, Columns, Ints, Row
 from pneudrive.estimate.estimates import NORMAL_95, Estimate, rms
 from pneudrive.estimate.mixed import MixedModel, RandomEffect
 from pneudrive.friction.bins import known_mean
-from pneudrive.friction.budget import unseen_n
 from pneudrive.friction.campaign import result, smooth
 from pneudrive.friction.campaign.points import NAMES, OUTLIER, SAME_SPEED, STICK_SLIP, CurvePoints, shares_of
 from pneudrive.friction.campaign.reading import GROWING, OF_SIDES, WAYS, CampaignData, CycleTable, Gain
 from pneudrive.friction.friction_map import AMBIENT, BOTH, COLUMNS, HOUR_S, LEVEL_COLUMNS, LEVELS, columns_to_dataset
+from pneudrive.friction.level import unseen_n
 from pneudrive.friction.sentences import sentence
 from pneudrive.signals.force_calibration import ForceCalibration
 

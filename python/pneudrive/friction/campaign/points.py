@@ -16,10 +16,9 @@ from numpy.typing import NDArray
 from pneudrive.arrays import Array, Bools, Columns, Ints, Row
 from pneudrive.estimate.autocorrelation import cells, levels, means, moderate, stderr_of_mean
 from pneudrive.friction.bins import known_mean, pair_stderr
-from pneudrive.friction.budget import chance_n
 from pneudrive.friction.campaign.reading import CampaignData, CycleTable
 from pneudrive.friction.friction_map import PA_PER_BAR, Condition
-from pneudrive.friction.level import BELOW_AMBIENT
+from pneudrive.friction.level import BELOW_AMBIENT, chance_n
 from pneudrive.friction.sentences import Statement, named, say
 from pneudrive.friction.stick_slip import RIPPLE_LIMIT
 

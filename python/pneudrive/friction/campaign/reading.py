@@ -34,8 +34,8 @@ from pneudrive.errors import CampaignError, PneudriveError, RecordingError
 from pneudrive.estimate.autocorrelation import levels, means, stderr_of_mean
 from pneudrive.estimate.estimates import rms
 from pneudrive.friction.bins import Grid, bin_means, grid_of, known_mean, mean_profile
-from pneudrive.friction.budget import stated_shares, usual_range
 from pneudrive.friction.friction_map import CYCLE_COLUMNS, LEVELS, SAME_PA, TABLES, Condition, Skipped
+from pneudrive.friction.level import stated_shares, usual_range
 from pneudrive.friction.stick_slip import swing_of
 from pneudrive.friction.strokes import RecordedMotion, SampleChoice, Strokes, stroke_rows
 from pneudrive.repr_tables import Shown
@@ -496,11 +496,9 @@ def read_campaign(campaign: Campaign, choice: SampleChoice, processes: int | Non
     files = tuple(CycleFile(f.path, replace(f.head, memory={})) for f in found)
     wanted = [f for f in files if f.cycle.kind in (*SLIDING, *STANDING) or not f.cycle.steps]
     moving = [f for f in wanted if f.cycle.kind in SLIDING]
-    positions: list[Array] = []
-    for i in evenly(len(moving), LOOKED_AT) if moving else ():
-        with suppress(PneudriveError):
-            positions.append(moving[i].samples().position_m)
-    edges = common_edges(positions)
+    looked_at = [moving[i] for i in evenly(len(moving), LOOKED_AT)] if moving else []
+    read_first = (samples for samples in read_samples(looked_at, ()) if isinstance(samples, Samples))
+    edges = common_edges([samples.position_m for samples in read_first])
     read = share_out(read_part, wanted, campaign.identity, choice, edges, least=WORTH_WORKERS, processes=processes)
     rows = {f.cycle.key: one for f, one in zip(wanted, read, strict=True)}
     plans = _plans(files, rows)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from oracle.campaigns import BAR, Friction, gauges, hits, rewrite
-from pneudrive.friction.campaign import characteristics, statements
+from pneudrive.friction.campaign import characteristics
 
 CROSSED = ((0.0, 0.0), (BAR, 0.0), (0.0, BAR), (BAR, BAR), (2.0 * BAR, BAR))
 SPEEDS = tuple(np.geomspace(2e-3, 0.3, 6))
@@ -169,6 +169,7 @@ def test_a_drift_is_told_by_sentinels_and_not_at_all_where_speed_and_time_went_t
 def test_friction_still_changes_if_its_last_quarter_changes_by_more_than_half_of_the_band(measured, quick, monkeypatch):
     """From 30 h of 40 h on by 0.1 N/h, 1 N in all, after a jump that does not count; two cycles are too few."""
     asked = []
+    say = characteristics.statements
     monkeypatch.setattr(characteristics, "statements", lambda *given: asked.append(given) or ())
     measured(quick())
     ((found, *rest),) = asked
@@ -177,7 +178,7 @@ def test_friction_still_changes_if_its_last_quarter_changes_by_more_than_half_of
         course = np.where(hours < 30.0, -50.0, 0.1 * hours)
         band = {"time_s": 3600.0 * hours, "drift_n": course, "low_n": course - half_n, "high_n": course + half_n}
         own = replace(found, drift=replace(found.drift, **band))
-        notes = [note.text for note in statements.statements(own, *rest) if "still changes" in note.text]
+        notes = [note.text for note in say(own, *rest) if "still changes" in note.text]
         assert len(notes) == is_said, (cycles, half_n)
         assert all("by +1 N over the last 25 % of time" in note for note in notes)
 
