@@ -14,8 +14,8 @@ from collections import Counter
 import numpy as np
 
 from pneudrive.errors import DescriptionError
+from pneudrive.sizing.candidate import SafeBounds
 from pneudrive.sizing.checks import simulated
-from pneudrive.sizing.prune import SafeBounds
 from pneudrive.sizing.strokes import DRAWN, DriveStrokes, points, tune
 from pneudrive.sizing.task import SizingTask, choices
 from trials.sizing_enumerated import combined, shortage

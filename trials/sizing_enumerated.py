@@ -17,8 +17,8 @@ from typing import Any
 import numpy as np
 
 from pneudrive.describe.files.catalogue import entries
+from pneudrive.sizing.candidate import SafeBounds, Shortage
 from pneudrive.sizing.checks import PROBABILITY, SizedDrive, simulated
-from pneudrive.sizing.prune import SafeBounds, Shortage
 from pneudrive.sizing.search import size
 from pneudrive.sizing.strokes import RTOL, DriveStrokes, Setting, points, tune
 from pneudrive.sizing.task import SLOTS, DriveChoice, Parts, SizingTask, choices

@@ -22,8 +22,8 @@ from pneudrive.datasheet.strokes import stroke_numbers
 from pneudrive.describe.circuit import Circuit
 from pneudrive.errors import CommandError, DescriptionError
 from pneudrive.report.page import references
+from pneudrive.sizing.candidate import SafeBounds, air_estimate_kg
 from pneudrive.sizing.checks import SAME_AIR, simulated
-from pneudrive.sizing.prune import SafeBounds, air_estimate_kg
 from pneudrive.sizing.result import SizingResult
 from pneudrive.sizing.search import size
 from pneudrive.sizing.strokes import DRAWN, RTOL, DriveStrokes, Setting, cycle_s, points, tune

@@ -18,7 +18,7 @@ import polars as pl
 import pytest
 
 from pneudrive.control.benchmarks import SO_FAR
-from pneudrive.control.references import reference
+from pneudrive.control.motion import reference
 from pneudrive.errors import CommandError, PneudriveError
 from pneudrive.files.writing import make_subfolder, open_to_append
 from pneudrive.report.page import FIGURES, Report

@@ -31,7 +31,7 @@ from pneudrive.lazy_names import used_later
 
 with used_later(__name__):
     from pneudrive import platforms
-    from pneudrive.control import benchmarks, loop, references, scores, source_code, tuning
+    from pneudrive.control import benchmarks, loop, motion, scores, source_code, tuning
     from pneudrive.describe.files import load
     from pneudrive.report import trajectory as control_page
     from pneudrive.simulation import trajectory
@@ -238,10 +238,10 @@ def reference(along: str, *, drive: str, plot: Path | None = None) -> None:
     """
     check_outputs(None, plot=plot)
     tuned = tuning.tune(load.load_described(drive))
-    path = references.named_or_read(along, *tuned.reach)
+    path = motion.named_or_read(along, *tuned.reach)
     show_view(loop.feasibility(tuned, path).view())
     write_outputs((plot, partial(control_page.plot_reference, path, tuned)))
-    references.check_reach(path, *tuned.reach)
+    motion.check_reach(path, *tuned.reach)
 
 
 def export(

@@ -25,11 +25,11 @@ with lazily(__name__):
     from pneudrive.control.mismatch import read_mismatch as read_mismatch
     from pneudrive.control.mismatch import ready_mismatches as ready_mismatches
     from pneudrive.control.motion import Reference as Reference
+    from pneudrive.control.motion import reference as reference
     from pneudrive.control.own_law import signals as signals
     from pneudrive.control.pose.legs import run_pose as run_pose
     from pneudrive.control.pose.path import PoseScore as PoseScore
     from pneudrive.control.pose.path import pose_path as pose_path
-    from pneudrive.control.references import reference as reference
     from pneudrive.control.scores import Score as Score
     from pneudrive.control.scores import score as score
     from pneudrive.control.setup import Setup as Setup

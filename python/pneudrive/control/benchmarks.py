@@ -21,9 +21,8 @@ from pneudrive.arrays import Columns, Keyed, NamedIntervals, NamedNumbers, Plain
 from pneudrive.batching import processors
 from pneudrive.control.loop import RTOL, Prepared, deviating, prepare, run_prepared
 from pneudrive.control.mismatch import Mismatch, MismatchOrFile, read_mismatch
-from pneudrive.control.motion import Reference
+from pneudrive.control.motion import NAMES, USUAL, Reference, ReferenceOrFile, named_or_read, reference
 from pneudrive.control.own_law import is_own
-from pneudrive.control.references import NAMES, USUAL, ReferenceOrFile, named_or_read, reference
 from pneudrive.control.scores import SHOWN, SPREAD_SHOWN, Score, written
 from pneudrive.control.setup import SetupOrFile, read_setup
 from pneudrive.control.tuning import Tuning, laws, tune

@@ -11,8 +11,7 @@ from pneudrive import _core
 from pneudrive.arrays import NamedNumbers, attributes_of
 from pneudrive.control.axis import supply_of
 from pneudrive.control.mismatch import OF_VALVE, Mismatch, MismatchOrFile, mismatched, read_mismatch
-from pneudrive.control.motion import NEVER, Reference, rounded_up
-from pneudrive.control.references import ReferenceOrFile, beyond_stroke, check_reach, named_or_read
+from pneudrive.control.motion import NEVER, beyond_stroke, check_reach, named_or_read, rounded_up
 from pneudrive.control.scores import air_of, score_of
 from pneudrive.control.setup import CHANNEL_UNITS, Setup, SetupOrFile, read_setup, ready_setups, told
 from pneudrive.control.tuning import Controller, ControllerOrFile, Plant, Tuning, laws, tune
@@ -31,6 +30,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from pneudrive.arrays import Array, Pair, Plain
+    from pneudrive.control.motion import Reference, ReferenceOrFile
     from pneudrive.control.own_law import RunningLaw
     from pneudrive.describe import Circuit
     from pneudrive.simulation.session import DriveOrCircuit, StartState

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from pneudrive import __version__, _core
-from pneudrive.control.references import ReferenceOrFile, check_reach, named_or_read
+from pneudrive.control.motion import Reference, ReferenceOrFile, check_reach, named_or_read
 from pneudrive.control.setup import Setup, SetupOrFile, read_setup
 from pneudrive.errors import CommandError, nearest, package_table
 from pneudrive.files.content import rendered
@@ -17,7 +17,6 @@ from pneudrive.simulation.simulate import require
 from pneudrive.simulation.trajectory import write_whole
 
 if TYPE_CHECKING:
-    from pneudrive.control.motion import Reference
     from pneudrive.control.tuning import Tuning
 
 LANGUAGES = ("c", "st", "fmu")  # C99; structured text; Functional Mock-up Unit for co-simulation

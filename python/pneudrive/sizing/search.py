@@ -17,9 +17,8 @@ from typing import TYPE_CHECKING
 
 from pneudrive.errors import Cancelled, CommandError
 from pneudrive.progress import Flag, Progress, Watch
-from pneudrive.sizing.candidate import MARGIN_SLACK, Rank, SizingCandidate, TubedCylinder
+from pneudrive.sizing.candidate import MARGIN_SLACK, Pruning, Rank, SizingCandidate, TubedCylinder, nearest_possible
 from pneudrive.sizing.checks import PROBABILITY, SAME_AIR, Provisional, hardest, machine_checks, simulated
-from pneudrive.sizing.prune import Pruning, nearest_possible
 from pneudrive.sizing.result import Saving, SizingFolder, SizingResult, nearest_miss, savings
 from pneudrive.sizing.strokes import COARSE, RTOL, points, run_all, tune_all
 from pneudrive.sizing.task import SizingTask

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import pneudrive as pn
-from pneudrive.control.references import NAMES, named_or_read
+from pneudrive.control.motion import NAMES, named_or_read
 from pneudrive.control.scores import SCORED, score_of
 
 FAST = (50.0, 50.0)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from pneudrive.sizing import checks
-from pneudrive.sizing.prune import SafeBounds, nearest_possible
+from pneudrive.sizing.candidate import SafeBounds, nearest_possible
 from pneudrive.sizing.strokes import DRAWN, DriveStrokes, StrokeResults
 from pneudrive.sizing.task import DriveChoice, SizingTask, choices
 

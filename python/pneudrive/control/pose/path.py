@@ -13,8 +13,7 @@ import numpy as np
 from pydantic import TypeAdapter
 
 from pneudrive.arrays import Array, Keyed, Plain
-from pneudrive.control.motion import REST_S, SINE_PERIODS, SINE_S, Reference, ReferenceMove
-from pneudrive.control.references import NUMBER, moves_of_text
+from pneudrive.control.motion import NUMBER, REST_S, SINE_PERIODS, SINE_S, Reference, ReferenceMove, moves_of_text
 from pneudrive.control.scores import LOST_M, event_table, run_title
 from pneudrive.describe.files import toml
 from pneudrive.errors import DescriptionError, PneudriveError, invalid, nearest, wrong

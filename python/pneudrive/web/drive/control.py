@@ -16,7 +16,7 @@ from pneudrive.arrays import Keyed, Plain, attributes_of
 from pneudrive.control.benchmarks import ControlComparison, assumptions, read_comparison, standard
 from pneudrive.control.loop import Prepared, prepare, run_prepared
 from pneudrive.control.mismatch import read_mismatch, ready_mismatches
-from pneudrive.control.references import RECORDS
+from pneudrive.control.motion import RECORDS
 from pneudrive.control.scores import SHOWN, view_of_score, written
 from pneudrive.control.setup import ready_setups
 from pneudrive.control.tuning import Controller, laws
