@@ -8,13 +8,12 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from pneudrive import _core
-from pneudrive.arrays import NamedNumbers, attributes_of
-from pneudrive.control.axis import supply_of
+from pneudrive.arrays import Array, NamedNumbers, Pair, Plain, attributes_of
 from pneudrive.control.mismatch import OF_VALVE, Mismatch, MismatchOrFile, mismatched, read_mismatch
 from pneudrive.control.motion import NEVER, beyond_stroke, check_reach, named_or_read, rounded_up
 from pneudrive.control.scores import air_of, score_of
 from pneudrive.control.setup import CHANNEL_UNITS, Setup, SetupOrFile, read_setup, ready_setups, told
-from pneudrive.control.tuning import Controller, ControllerOrFile, Plant, Tuning, laws, tune
+from pneudrive.control.tuning import Controller, ControllerOrFile, Plant, Tuning, laws, supply_of, tune
 from pneudrive.describe.system import System
 from pneudrive.errors import CommandError, PneudriveError, SimulationError, warn
 from pneudrive.files.inputs import INPUTS, inputs_of
@@ -29,7 +28,6 @@ if TYPE_CHECKING:
 
     import xarray as xr
 
-    from pneudrive.arrays import Array, Pair, Plain
     from pneudrive.control.motion import Reference, ReferenceOrFile
     from pneudrive.control.own_law import RunningLaw
     from pneudrive.describe import Circuit

@@ -5,15 +5,17 @@ from __future__ import annotations
 import json
 import math
 import re
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple, TypeAlias
+from typing import Annotated, Any, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 from pydantic import Field, model_validator
 
 from pneudrive import _core, units
+from pneudrive.arrays import Array, Keyed, Pair, Plain
 from pneudrive.describe.base import Described
 from pneudrive.describe.files import toml
 from pneudrive.describe.marks import Bounds, Position, Quantity
@@ -21,12 +23,7 @@ from pneudrive.errors import CommandError, DescriptionError, invalid, wrong
 from pneudrive.repr_tables import Card, Shown
 from pneudrive.simulation.trajectory import column_names, read_columns
 
-if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-
-    from pneudrive.arrays import Array, Keyed, Pair, Plain
-
-    Row = list[float]  # begin, s, duration, s, and ten coefficients, m, of the elapsed fraction of the duration
+Row = list[float]  # begin, s, duration, s, and ten coefficients, m, of the elapsed fraction of the duration
 
 POWERS = 10
 ORDER = 7  # of splines

@@ -141,8 +141,8 @@ def characteristic(name: str, **more: Any) -> Callable[[Find], Characteristic]: 
         (text, described), (rest, results) = (parts_of(find, heading) for heading in ("Settings", "Results"))
         text = min(text, rest, key=len)
         title, _, meaning = text.partition("\n\n")
-        defaults = {key: one.default for key, one in list(signature(find).parameters.items())[1:]}
-        settings = {key: (default, described[key][1]) for key, default in defaults.items()}
+        parameters = signature(find).parameters
+        settings = {key: (parameters[key].default, told) for key, (_, told) in described.items()}
         about: Plain = {"title": title.rstrip("."), "definition": " ".join(meaning.split())} | more
         return Characteristic(name, find=find, settings=settings, results=results, **about)
 

@@ -18,7 +18,7 @@ from pneudrive.datasheet.stands import parts_of
 from pneudrive.describe.drive import Drive
 from pneudrive.describe.files import sourced, toml
 from pneudrive.describe.system import DescribedValue, values_of
-from pneudrive.errors import HAZARD, Cancelled, CommandError, PneudriveError, package_table
+from pneudrive.errors import HAZARD, CommandError, PneudriveError, package_table
 from pneudrive.lazy_names import upper
 from pneudrive.numbers import plain
 from pneudrive.simulation.simulate import number_of
@@ -235,9 +235,7 @@ def build(
     for name in watch.each(OF_A_SHEET, "characteristics"):
         try:
             results[name] = uncertain.characteristic(name, intervals=intervals)
-        except Cancelled:  # noqa: PERF203 - a characteristic takes seconds
-            raise
-        except PneudriveError as error:
+        except PneudriveError as error:  # noqa: PERF203 - a characteristic takes seconds
             failed[name] = error.what
     return Datasheet(drive, plant.stroke_m, plant.supply_pa, results, failed, measured, tuple(_hazards(plant, results)))
 

@@ -11,14 +11,13 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from pneudrive import units
-from pneudrive.control.axis import supply_of
 from pneudrive.control.loop import MEANINGS, provenance_of, run_axes
 from pneudrive.control.mismatch import MismatchOrFile, mismatched, read_mismatch
 from pneudrive.control.motion import POWERS, Reference, speed_shares
 from pneudrive.control.pose.path import PosePath, PoseScore, Tracked, pose_path
 from pneudrive.control.scores import LAST_S, air_of
 from pneudrive.control.setup import Setup, SetupOrFile, read_setup, told
-from pneudrive.control.tuning import ControllerOrFile, Tuning, tune
+from pneudrive.control.tuning import ControllerOrFile, Tuning, supply_of, tune
 from pneudrive.describe.circuit import Circuit
 from pneudrive.errors import CommandError, warn
 from pneudrive.estimate.estimates import rms

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import product
 from operator import attrgetter
 from typing import TYPE_CHECKING, Any
 
@@ -10,7 +11,7 @@ import numpy as np
 
 from pneudrive import units
 from pneudrive.constants import ANR_DENSITY_KG_M3, ANR_TEMPERATURE_K
-from pneudrive.datasheet.characteristic import Found, ResultValue, characteristic
+from pneudrive.datasheet.characteristic import Found, characteristic
 from pneudrive.datasheet.characteristics.response import run_strokes, short_columns, simulate_plant, start_of
 from pneudrive.datasheet.characteristics.steady import adiabatic_stiffness, full_force, oscillations
 from pneudrive.datasheet.equilibrium import gas_at, linear_model, moving_gas, open_command, steady_state
@@ -19,10 +20,9 @@ from pneudrive.datasheet.stands import flow_through
 from pneudrive.describe.files.provenance import values
 from pneudrive.describe.marks import StatedPressure
 from pneudrive.errors import CommandError, DescriptionError, PneudriveError, SimulationError, nearest
-from pneudrive.progress import Flag, Progress, Watch
+from pneudrive.progress import UNWATCHED, Flag, Progress, Watch
 from pneudrive.simulation.bench_circuit import VACUUM
 from pneudrive.simulation.simulate import positive
-from pneudrive.simulation.trajectory import TABLE
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -385,42 +385,29 @@ def lines(
     >>> round(float(study.vent_speed[0, 0]), 3)
     2.297
     """
-    import xarray as xr
-
-    if not hasattr(drive, "tubing"):
-        remedy = "Describe it as a drive file: [supply], [valve], [cylinder], [friction]."
-        raise DescriptionError(f"the table of tubes needs a drive, but got a {type(drive).__name__}", remedy=remedy)
-    long, wide = _metres(lengths, "length"), _metres(diameters, "diameter")
-    rows: list[NamedNumbers] = []
-    for diameter, length in Watch(progress, cancel).each([(d, n) for d in wide for n in long], "tubes"):
-        tube = {"length": units.UnitFloat(length, "m", "m"), "diameter": units.UnitFloat(diameter, "m", "mm")}
-        rows.append(_row(_with_tubes(drive, {"a": tube, "b": tube})))
-    attrs = {"title": drive.name, "without_tubes": _row(_with_tubes(drive, {}))}
+    without = _row(drive, {})
+    study = _lines.of(HeldDrive(drive), lengths=lengths, diameters=diameters, watch=Watch(progress, cancel))
+    study.attrs |= {"title": drive.name, "without_tubes": without}
     if drive.tubing:
-        attrs["as_described"] = _row(drive)
-    found = xr.Dataset(coords={"diameter": wide, "length": long}, attrs=attrs)
-    meanings = {"diameter": ("m", "inner diameter of the tubes"), "length": ("m", "length of each tube")}
-    for name in TABLE["tubes"]:
-        found[name] = ("diameter", "length"), np.reshape([row[name] for row in rows], (len(wide), -1))
-    for name, (unit, meaning) in (meanings | TABLE["tubes"]).items():
-        found[name].attrs |= {"units": unit, "long_name": meaning}
-    return found
+        study.attrs["as_described"] = _row(drive, drive.to_dict()["tubing"])
+    return study
 
 
 def _metres(given: Sequence[str | float], what: str) -> list[float]:
     """Return the distinct lengths in m, in ascending order."""
-    if isinstance(given, str) or not given:
+    lengths = [] if given is None or isinstance(given, str) else list(given)
+    if not lengths:
         raise CommandError(f"{what} = {given!r} is not a list of quantities", remedy='For instance ["0.5 m", "2 m"].')
-    return sorted({positive(one, "m", what) for one in given})
+    return sorted({positive(one, "m", what) for one in lengths})
 
 
-def _with_tubes(drive: Drive, tubing: Plain) -> Drive:
+def _row(drive: Any, tubing: Plain) -> NamedNumbers:  # noqa: ANN401 - checked
+    """Return the results of a drive with these tubes, by name."""
+    if not hasattr(drive, "tubing"):
+        remedy = "Describe it as a drive file: [supply], [valve], [cylinder], [friction]."
+        raise DescriptionError(f"the table of tubes needs a drive, but got a {type(drive).__name__}", remedy=remedy)
     tables = {key: table for key, table in drive.to_dict().items() if key != "provenance"}
-    return type(drive).model_validate(tables | {"tubing": tubing, "friction": drive.friction})
-
-
-def _row(drive: Drive) -> NamedNumbers:
-    """Return the results of one drive by variable, in the order of the table."""
+    drive = type(drive).model_validate(tables | {"tubing": tubing, "friction": drive.friction})
     held = {"valve": {1.0: 1.0, -1.0: -1.0}} if drive.valve.is_switching else {}
     plant = HeldDrive(drive, actuation=Actuation({"valve": 1.0}, {"valve": -1.0}, held=held))
     pressure = plant.supply_pa
@@ -434,7 +421,7 @@ def _row(drive: Drive) -> NamedNumbers:
         for u, start_m in ((1.0, 0.0), (-1.0, plant.stroke_m))
     )
     numbers = (conductance, speed, out.stroke_time, back.stroke_time, plant.stroke_m / out.stroke_time, out.end_speed)
-    return dict(zip(TABLE["tubes"], numbers, strict=True))
+    return dict(zip(list(_lines.results)[2:], numbers, strict=True))
 
 
 @characteristic(
@@ -443,7 +430,7 @@ def _row(drive: Drive) -> NamedNumbers:
     x="length",
     y="mean_speed",
 )
-def _lines(plant: HeldDrive, lengths: Any = LENGTHS, diameters: Any = DIAMETERS) -> Found:  # noqa: ANN401 - sequences
+def _lines(plant: HeldDrive, lengths: Any = LENGTHS, diameters: Any = DIAMETERS, *, watch: Watch = UNWATCHED) -> Found:  # noqa: ANN401
     """Speed against the tubes.
 
     Choked speed, stroke times, mean speed and end speed with steady tubes of equal length and bore at both chambers.
@@ -455,9 +442,28 @@ def _lines(plant: HeldDrive, lengths: Any = LENGTHS, diameters: Any = DIAMETERS)
         of each tube
     diameters
         inner diameters
+
+    Results
+    -------
+    diameter : m
+        inner diameter of the tubes
+    length : m
+        length of each tube
+    vent_conductance : m3/(s Pa) over diameter, length
+        sonic conductance of the exhaust path of chamber b: line and valve in series
+    vent_speed : m/s over diameter, length
+        piston speed at choked flow through the exhaust path of chamber b
+    stroke_time_out : s over diameter, length
+        stroke time to the end of chamber b, from the command; chamber b starts at supply pressure
+    stroke_time_back : s over diameter, length
+        stroke time to the end of chamber a, from the command; chamber a starts at supply pressure
+    mean_speed : m/s over diameter, length
+        stroke over stroke_time_out
+    end_speed : m/s over diameter, length
+        speed at the end of chamber b
     """
-    study = lines(plant.described, list(lengths), list(diameters))  # type: ignore[arg-type]
-    return {
-        str(name): ResultValue(tuple(map(str, one.dims)), one.values, one.attrs["units"], one.attrs["long_name"])
-        for name, one in study.variables.items()
-    }
+    wide, long, rows = _metres(diameters, "diameter"), _metres(lengths, "length"), []
+    for diameter, length in watch.each(product(wide, long), "tubes"):
+        tube = {"length": units.UnitFloat(length, "m", "m"), "diameter": units.UnitFloat(diameter, "m", "mm")}
+        rows.append(list(_row(plant.described, {"a": tube, "b": tube}).values()))
+    return wide, long, *np.reshape(rows, (len(wide), len(long), -1)).transpose(2, 0, 1)

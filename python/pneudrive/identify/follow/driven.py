@@ -358,8 +358,10 @@ class DrivenCircuit:
         a, b = self.areas_m2
         return {"a": self._dead("a") + a * position_m, "b": self._dead("b") + b * (self.stroke_m - position_m)}
 
-    def run(self, form: str, record: DrivenRecording, start: Sequence[float] | Array, until: float) -> Array:
-        """Return the pressures of both chambers at the comparison times of a recording; NaN after `until`.
+    def run(
+        self, form: str, record: DrivenRecording, start: Sequence[float] | Array, until: float, columns: Sequence[str] = ()
+    ) -> Columns:
+        """Return columns of a run along a recording, at its comparison times up to `until`.
 
         Parameters
         ----------
@@ -370,32 +372,10 @@ class DrivenCircuit:
             Pressures a and b in Pa, temperatures a and b in K, at the first sample.
         until : float
             Time in s at which the run ends.
+        columns : sequence of str
+            Default: all columns of the core except the time.
         """
-        columns = [f"{self.piston}.{side}.pressure_pa" for side in SIDES]
-        found = self._recorded(_core.Circuit(form), record, start, until, columns)
-        pressures = np.array([found[column] for column in columns])
-        missing = record.grid_s.size - pressures.shape[1]
-        return np.pad(pressures, ((0, 0), (0, missing)), constant_values=np.nan)
-
-    def trajectory(self, record: DrivenRecording) -> Columns:
-        """Return all columns of a run along a recording, at its comparison times.
-
-        The run starts with the measured pressures at wall temperature.
-        """
-        start = [*record.pressures_pa[:, 0], *self.wall_k.values()]
-        end = float(record.grid_s[-1])
-        core = _core.Circuit(json.dumps(self.form))
-        columns = [name for name in core.columns if name != "time_s"]
-        return {"time_s": record.grid_s, **self._recorded(core, record, start, end, columns)}
-
-    def _recorded(
-        self,
-        core: _core.Circuit,
-        record: DrivenRecording,
-        start: Sequence[float] | Array,
-        until: float,
-        columns: list[str],
-    ) -> Columns:
+        core = _core.Circuit(form)
         nodes_t, nodes_x = record.nodes
         velocities = np.diff(nodes_x) / np.diff(nodes_t)
         state = {f"{self.piston}.position_m": float(nodes_x[0]), f"{self.piston}.velocity_m_s": float(velocities[0])}
@@ -408,4 +388,5 @@ class DrivenCircuit:
         inside = nodes_t[1:-1] < until
         session.schedule(name, nodes_t[1:-1][inside].tolist(), velocities[1:][inside].tolist())
         times = record.grid_s[record.grid_s <= until]
-        return session.record(float(times[-1]), times, columns)["columns"]
+        names = list(columns) or [name for name in core.columns if name != "time_s"]
+        return session.record(float(times[-1]), times, names)["columns"]

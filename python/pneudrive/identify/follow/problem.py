@@ -88,12 +88,16 @@ class FollowProblem:
         return FollowPoint(np.log([n.start for n in self.numbers]), np.zeros((len(self.records), LOCAL)))
 
     def raw(self, at: int, form: str, local: Array) -> Array:
-        """Return the simulated pressures of a recording without its delay."""
+        """Return the simulated pressures of a recording without its delay; NaN after its compared time span."""
         record, walls = self.records[at], self.driven.wall_k
         first = record.pressures_pa[:, :3].mean(axis=1)
         start = np.r_[first * np.exp(local[:2]), walls["a"] + local[2], walls["b"] + local[3]]
         until = min(float(record.grid_s[-1]), self.parts[at][1])
-        return self.driven.run(form, record, start, until)
+        columns = [f"{self.driven.piston}.{side}.pressure_pa" for side in SIDES]
+        found = self.driven.run(form, record, start, until, columns)
+        pressures = np.array([found[column] for column in columns])
+        missing = record.grid_s.size - pressures.shape[1]
+        return np.pad(pressures, ((0, 0), (0, missing)), constant_values=np.nan)
 
     def shown(self, at: int, raw: Array, delay_s: float) -> Array:
         """Return the simulated sensor readings, with the delay; NaN outside the run."""

@@ -19,7 +19,7 @@ and sigma_s.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -369,16 +369,7 @@ def survey(friction_map: AnyMap, seals: str | Sequence[str], runs: str | Sequenc
         Its ``predict`` returns the friction of a further recording, in the same run or another; ``seals[name].fit`` is
         the fit of one seal.
     """
-    return survey_values(*grouped(map_of(friction_map), seals, runs))
-
-
-def grouped(
-    friction_map: xr.Dataset,
-    seals: str | Sequence[str],
-    runs: str | Sequence[str] | None,
-    **options: Any,  # noqa: ANN401 - several types
-) -> tuple[dict[str, Observations], dict[str, list[str]], dict[str, Plain]]:
-    """Return values, runs and provenance of each seal. `options` are arguments of `selected`."""
+    friction_map = map_of(friction_map)
     seal_of, run_of = row_labels(friction_map, seals), row_labels(friction_map, "" if runs is None else runs)
     groups: dict[str, Observations] = {}
     of_run: dict[str, list[str]] = {}
@@ -386,10 +377,10 @@ def grouped(
     for seal in dict.fromkeys(seal_of.tolist()):
         rows = np.flatnonzero(seal_of == seal)
         part = friction_map.isel(row=rows)
-        groups[seal], _, provenance = selected(part, **options)
+        groups[seal], _, provenance = selected(part)
         of_run[seal] = of_values(part, run_of[rows], groups[seal])
         origins[seal] = {key: provenance[key] for key in ("direction", "ambient_pressure_pa", "recordings")}
-    return groups, of_run, origins
+    return survey_values(groups, of_run, origins)
 
 
 def pressure_levels(data: Observations) -> Ints:
