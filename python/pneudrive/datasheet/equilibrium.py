@@ -119,8 +119,7 @@ def equilibrium(
     """
     whole = HeldDrive(drive)
     whole.actuation.commands(command)  # a switching valve has no commands between its positions
-    plant = whole.static
-    return steady_state(plant, command, None if load is None else number_of(load, "N", "load"))
+    return steady_state(whole.static, command, None if load is None else number_of(load, "N", "load"))
 
 
 def steady_state(plant: HeldDrive, command: float, load: float | None = None) -> Equilibrium:

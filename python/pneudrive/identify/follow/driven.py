@@ -359,7 +359,7 @@ class DrivenCircuit:
         return {"a": self._dead("a") + a * position_m, "b": self._dead("b") + b * (self.stroke_m - position_m)}
 
     def run(
-        self, form: str, record: DrivenRecording, start: Sequence[float] | Array, until: float, columns: Sequence[str] = ()
+        self, form: str, record: DrivenRecording, start: Array, until: float, columns: Sequence[str] = ()
     ) -> Columns:
         """Return columns of a run along a recording, at its comparison times up to `until`.
 
@@ -368,7 +368,7 @@ class DrivenCircuit:
         form : str
             From `values_form`.
         record : DrivenRecording
-        start : array
+        start : ndarray, shape (4,)
             Pressures a and b in Pa, temperatures a and b in K, at the first sample.
         until : float
             Time in s at which the run ends.

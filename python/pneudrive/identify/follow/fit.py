@@ -551,6 +551,6 @@ def simulate_motion(
         motion_sha256=record.recording.sha256,
         assumed=described.assumed(),
     )
-    start = [*record.pressures_pa[:, 0], *driven.wall_k.values()]
+    start = np.array([*record.pressures_pa[:, 0], *driven.wall_k.values()])
     columns = driven.run(driven.values_form((), ()), record, start, float(record.grid_s[-1]))
     return {"time_s": record.grid_s, **columns}, provenance
