@@ -18,8 +18,7 @@ from pneudrive.repr_tables import aligned
 with used_later(__name__):
     from pneudrive import references, views
     from pneudrive.campaign.planning import protocol
-    from pneudrive.control import mismatch, setup, tuning
-    from pneudrive.control import references as trajectories
+    from pneudrive.control import mismatch, motion, setup, tuning
     from pneudrive.describe import base, kinds
     from pneudrive.describe import components as component_texts
     from pneudrive.describe.files import catalogue as parts
@@ -244,7 +243,7 @@ def schema(
     schema_of = {"drive": load.drive_schema, "circuit": load.circuit_schema, "layout": layout.layout_schema}
     schema_of |= {"rig": description.rig_schema, "protocol": protocol.protocol_schema, "task": task.task_schema}
     schema_of["view"] = views.view_schema
-    tables = {"controller": tuning.Controller, "setup": setup.Setup, "trajectory": trajectories.ReferenceFile}
+    tables = {"controller": tuning.Controller, "setup": setup.Setup, "trajectory": motion.ReferenceFile}
     found = schema_of[kind]() if kind in schema_of else tables[kind].model_json_schema(by_alias=True)
     draft = {"$schema": "https://json-schema.org/draft/2020-12/schema"}
     typer.echo(json.dumps(draft | found, indent=2, ensure_ascii=False))
