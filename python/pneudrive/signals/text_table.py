@@ -365,7 +365,7 @@ class ForeignFile:
     ``form`` is the format of a text, and ``share`` the fraction of its sampled lines that are rows of numbers.
     ``columns`` is the number of columns, and ``values`` has their numbers; columns of texts are empty. ``dates`` holds
     the columns of dates and times, by number, with their formats. ``words`` holds columns of texts, with the number of
-    different texts in the sampled lines. ``steps_s``, ``starts_s`` and ``source`` are those of `read_preamble`.
+    different texts in the first rows. ``steps_s``, ``starts_s`` and ``source`` are those of `read_preamble`.
     ``other_lengths`` has the lengths, by name, of channels that do not fit into the table.
     """
 
@@ -466,8 +466,7 @@ def _read(sample: Lines, form: TextForm) -> ForeignFile:
     right = [row for row in rows if len(row) == usual and not is_words(row, form)]  # no header that comes again
     words = {}
     if form.delimiter is not None:  # white space stands in texts, too
-        texts = {at: [row[at] for row in right] for at in range(usual)}
-        words = {at: len({*column}) for at, column in texts.items() if _is_of_words(column, form)}
+        words = {at: 0 for at in range(usual) if _is_of_words([row[at] for row in right], form)}
     good = sum(is_row_of_numbers(row, form, words) for row in right)
     return ForeignFile("csv", form, usual, good / len(rows), words=words)
 
@@ -515,8 +514,9 @@ def _with_header(lines: Lines, reading: ForeignFile) -> ForeignFile:
         texts = [row[column] for row in numbers if looks_like_date_time(row[column])]
         if 2 * len(texts) > len(numbers) and (written := guess_form(texts)) is not None:
             dates[column] = written
+    words = {at: len({row[at] for row in numbers}) for at in reading.words}
     about |= {"units": units} if named and units else {}
-    return replace(reading, form=form, names=names, dates=dates, **about)
+    return replace(reading, form=form, names=names, dates=dates, words=words, **about)
 
 
 def _first_of_numbers(lines: Lines, reading: ForeignFile) -> int:
