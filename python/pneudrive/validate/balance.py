@@ -6,31 +6,25 @@ wrong, the residuals of its free run are not white. Sources of the tests: [ljung
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
-from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.signal import savgol_coeffs, savgol_filter
 
 from pneudrive import _core
+from pneudrive.arrays import Array, ArrayPair, Bools, Columns, Keyed, NamedNumbers
+from pneudrive.describe.drive import Drive
 from pneudrive.errors import FitError, SimulationError
 from pneudrive.estimate.estimates import NORMAL_95, rms
 from pneudrive.free.parameters import at_rest
 from pneudrive.identify.dynamic.result import MODEL_SHARE
 from pneudrive.identify.dynamic.sensors import CHANNELS, Sensor, channels_of, command_delay
 from pneudrive.numbers import plain
+from pneudrive.signals.drive_recording import DriveRecording
 from pneudrive.signals.motion import noise_level
 from pneudrive.units import readable
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
-
-    from pneudrive._core import Shooting, Shot
-    from pneudrive.arrays import Array, ArrayPair, Bools, Columns, Keyed, NamedNumbers
-    from pneudrive.describe.drive import Drive
-    from pneudrive.signals.drive_recording import DriveRecording
-
 
 # --- Metrics of the residual between measurement and model, and tests whether it is noise.
 
@@ -616,8 +610,8 @@ def run_model(drive: Drive, signals: Signals, restarts: Sequence[int] = (0,)) ->
     inner = [at_rest(name, (p_a, p_b), drive.ambient.temperature_k) for name in core.segment_names[6:]]
     state = np.array([[x, v, p_a, t_a, p_b, t_b, *inner]])
 
-    def segment(times: Array, commands: Array, sample_times: Array) -> Shot:
-        request: Shooting = {
+    def segment(times: Array, commands: Array, sample_times: Array) -> _core.Shot:
+        request: _core.Shooting = {
             "times": times,
             "commands": commands,
             "sample_times": sample_times,

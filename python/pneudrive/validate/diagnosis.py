@@ -16,21 +16,346 @@ Standard errors come from the scores of blocks of 0.25 s, because neighbouring s
 from __future__ import annotations
 
 import functools
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.signal import lfilter
 
-from pneudrive.arrays import Array, Columns, Interval, NamedNumbers, by_name
+from pneudrive.arrays import Array, Columns, Interval, NamedNumbers, Plain, Row, by_name
+from pneudrive.constants import LEAK_CRITICAL_RATIO
 from pneudrive.describe.drive import Drive
-from pneudrive.errors import DescriptionError, SimulationError
+from pneudrive.errors import DescriptionError, SimulationError, package_table
 from pneudrive.estimate.estimates import NORMAL_95
 from pneudrive.numbers import plain, with_u
 from pneudrive.progress import Flag, Progress, Watch
 from pneudrive.repr_tables import Shown
-from pneudrive.units import readable
-from pneudrive.validate.balance import BALANCES, Scene, Signals
-from pneudrive.validate.causes import Cause, causes
+from pneudrive.units import readable, write
+from pneudrive.validate.balance import BALANCES, RATES, Scene, Signals, at_samples, openings
+
+# --- Possible causes of model errors. Each cause is a change to one quantity, with an effect on the balances.
+#
+# A cause changes the scene (drive, sensors, openings of the valve) by an amount, or adds a term to a residual. The
+# column of a cause in the regression is the difference quotient of the residuals. causes.toml has units and texts.
+
+Rows = dict[str, Row]
+_TEXTS = package_table(__file__, "causes.toml")
+#: Change of the scene by an amount; and drive-dependent arguments of `Cause`.
+Change = Callable[[Scene, float], Scene]
+
+#: Bounds of a critical pressure ratio.
+RATIO = (0.01, 0.95)
+#: Lag of the supply pressure behind the flow if a volume is between regulator and valve, s (assumed).
+SLOW_SAG_S = 0.5
+#: Number of polynomials for friction along the stroke, including the constant.
+PROFILE_ORDERS = 5
+
+
+@dataclass(frozen=True)
+class Cause:
+    """Possible cause of a model error.
+
+    Attributes
+    ----------
+    key : str
+        Short name, unique.
+    words : str
+        Text with ``{size}`` for the amount: "{size} Coulomb friction".
+    unit : str
+        Unit of the amount: an SI unit, or "share" for a fraction of the present value.
+    step : float
+        Amount for the difference quotient.
+    least : float
+        Smallest relevant amount.
+    remedy : str
+    change : callable or None
+        (scene, amount) -> changed scene.
+    ratio : callable or None
+        Scene -> ratio of downstream to upstream pressure of a leak at each sample, and its critical pressure ratio.
+    profile : callable or None
+        Scene -> columns, for a cause with several coefficients.
+    parts : int
+        Number of coefficients. A cause with more coefficients explains more of the residual by chance.
+    bounds : pair of float
+        Smallest and largest amount that a description allows.
+    described : bool
+        Whether a drive file or the sensor data can describe the cause.
+    free : sequence of str
+        Values of the drive file that a new identification should fit to correct the error.
+    """
+
+    key: str
+    words: str
+    unit: str
+    step: float
+    least: float
+    remedy: str
+    change: Change | None = None
+    ratio: Callable[[Scene], tuple[Array, float]] | None = None
+    profile: Callable[[Scene], list[Array]] | None = None
+    parts: int = 1
+    bounds: Interval = (-np.inf, np.inf)
+    described: bool = True
+    free: Sequence[str] = ()
+
+
+def causes(drive: Drive) -> list[Cause]:
+    """Return all causes that can be tested for a drive."""
+    cylinder, valve, load = drive.cylinder, drive.valve, drive.carried
+    rows = _of_friction(drive)
+    heavier = "load.mass" if load.mass_kg > cylinder.moving_mass_kg else "cylinder.moving_mass"
+    rows |= {
+        "moving mass": {"change": _drive(_mass), "free": (heavier,)},
+        "constant force": {"change": _value("load.force", "N", lambda d, f: d.carried.force_n + f)},
+        "spring": {"change": _drive(_spring), "bounds": (-load.spring.stiffness_n_m if load.spring else 0.0, np.inf)},
+    }
+    ratio, gauge = valve.critical_pressure_ratio, drive.supply_pressure_pa - drive.ambient.pressure_pa
+    whole = _value("valve.conductance", "m^3/(s Pa)", lambda d, s: d.valve.conductance_m3_s_pa * (1.0 + s))
+    rows |= {
+        "conductance": {"change": whole},
+        "conductance to exhaust": {"change": _edges(1, 3)},
+        "conductance from supply": {"change": _edges(0, 2)},
+        "conductance of a": {"change": _edges(0, 1)},
+        "conductance of b": {"change": _edges(2, 3)},
+        "critical pressure ratio": {"change": _drive(_ratio), "bounds": (RATIO[0] - ratio, RATIO[1] - ratio)},
+        "valve delay": {"change": _command(_delayed)},
+        "valve zero": {"change": _command(lambda u, zero, _: np.clip(u - zero, -1.0, 1.0))},
+        "dead zone": {"change": _overlap, "bounds": (-(valve.overlap or 0.0), 0.9)},
+        "supply pressure": {"change": _supply, "bounds": (-0.9 * gauge, np.inf)},
+        "supply sag": {"change": _sag(0.0)},
+        "slow supply sag": {"change": _sag(SLOW_SAG_S)},
+    }
+    stated = cylinder.leakage_m3_s_pa / valve.conductance_m3_s_pa
+    name, unit = "cylinder.leakage", "m^3/(s Pa)"
+    piston = _value(name, unit, lambda d, s: d.cylinder.leakage_m3_s_pa + s * d.valve.conductance_m3_s_pa)
+    rows |= {
+        "leak from a": {"change": _opened(np.add, 1), "ratio": _to_ambient(0)},
+        "leak from b": {"change": _opened(np.add, 3), "ratio": _to_ambient(1)},
+        "leak through the valve": {"change": _opened(np.add, 0, 2)},
+        "leak past the piston": {"change": piston, "ratio": _past_piston, "bounds": (-stated, np.inf)},
+    }
+    for key, sides in (("dead volume of a", "a"), ("dead volume of b", "b"), ("dead volumes", "ab")):
+        rows[key] = {"change": _dead_volume(sides)}
+    key, field, unit = "cylinder.heat_transfer", "heat_transfer_w_m2_k", "W/(m^2 K)"
+    if cylinder.heat_transfer_w_m2_k is None:
+        key, field, unit = "cylinder.heat_transfer_scale", "heat_transfer_scale", ""
+    if getattr(cylinder, field) > 0.0:
+        change = _value(key, unit, lambda d, share: getattr(d.cylinder, field) * (1.0 + share))
+        remedy = _TEXTS["heat transfer"]["remedy"].format(key=key)
+        rows["heat transfer"] = {"change": change, "remedy": remedy, "free": (key,)}
+    rows |= _SENSORS
+    level, out = drive.friction.parameters.get("coulomb", 1.0), []
+    for name, row in rows.items():
+        entry = _TEXTS[name] | row
+        if entry.pop("relative", False):
+            entry.update({size: level * entry[size] for size in ("step", "least")})
+        lists = {field: tuple(value) for field, value in entry.items() if isinstance(value, list)}
+        out.append(Cause(key=name, **entry | lists))
+    return out
+
+
+def _value(key: str, si_unit: str, value: Callable[[Drive, float], float]) -> Change:
+    """Return the change to one value of the description; `value` is a function (drive, amount) -> value in SI."""
+    return _drive(lambda drive, amount: {key: write(value(drive, amount), si_unit)})
+
+
+def _drive(changes: Callable[[Drive, float], Plain]) -> Change:
+    return lambda scene, amount: replace(scene, drive=scene.drive.replace(changes(scene.drive, amount)))
+
+
+def _of_friction(drive: Drive) -> Rows:
+    parameters, seals = drive.friction.parameters, drive.friction.pressure
+    if "coulomb" not in parameters:
+        return {}
+    level, lips = parameters["coulomb"], 0.0 if seals is None else min(seals.coulomb_n_pa)
+    rows: Rows = {
+        "Coulomb friction": {"change": _drive(_friction_level), "bounds": (-level, np.inf)},
+        "pressure-dependent friction": {"change": _drive(_pressure_friction), "bounds": (-lips, np.inf)},
+        "direction of friction": {"change": _drive(_direction)},
+        "friction along the stroke": {"profile": _along_stroke, "parts": PROFILE_ORDERS},
+    }
+    if "viscous" in parameters:
+        change = _value("friction.viscous", "N s/m", lambda d, b: max(d.friction.parameters["viscous"] + b, 0.0))
+        rows["viscous friction"] = {"change": change, "bounds": (-parameters["viscous"], np.inf)}
+    if "breakaway" in parameters:
+        bounds = (level - parameters["breakaway"], np.inf)
+        rows["Stribeck friction"] = {"change": _value("friction.breakaway", "N", _breakaway), "bounds": bounds}
+    return rows
+
+
+def _friction_level(drive: Drive, amount: float) -> Plain:
+    """Change Fc and Fs by the same amount."""
+    known = drive.friction.parameters
+    return {f"friction.{k}": write(max(known[k] + amount, 1e-6), "N") for k in ("coulomb", "breakaway") if k in known}
+
+
+def _breakaway(drive: Drive, amount: float) -> float:
+    known = drive.friction.parameters
+    return max(known["breakaway"] + amount, known["coulomb"])
+
+
+def _pressure_friction(drive: Drive, amount: float) -> Plain:
+    """Change the slopes of Coulomb and breakaway force over the pressure of each chamber by an amount in N/Pa."""
+    seals = drive.friction.pressure
+    pairs = {}
+    for name in ("coulomb", "breakaway"):
+        old = getattr(seals, name) if seals is not None else (0.0, 0.0)
+        pairs[name] = by_name("ab", (write(v + amount, "N/Pa") for v in old))
+    return {"friction.pressure": pairs}
+
+
+def _direction(drive: Drive, amount: float) -> Plain:
+    """Increase the friction in motion towards +x, and decrease it in motion towards -x, by the fraction `amount`."""
+    old = drive.friction.direction
+    positive, negative = (1.0, 1.0) if old is None else (old.positive, old.negative)
+    return {"friction.direction": {"positive": positive * (1.0 + amount), "negative": negative * (1.0 - amount)}}
+
+
+def _along_stroke(scene: Scene) -> list[Array]:
+    """Return the effects of friction along the stroke (Legendre polynomials) on the residuals, per N."""
+    x, out = scene.position, []
+    domain = [x.min(), x.max()]
+    for order in range(PROFILE_ORDERS):
+        shape = np.polynomial.legendre.Legendre.basis(order, domain=domain)(x)
+        force = np.convolve(scene.signals.direction * shape, scene.kernel[0], "valid")
+        out.append(np.stack([force, np.zeros_like(force), np.zeros_like(force)]))
+    return out
+
+
+def _mass(drive: Drive, share: float) -> Plain:
+    """Change the masses of piston and load by the same fraction, so that both stay positive."""
+    masses = {"cylinder.moving_mass": drive.cylinder.moving_mass_kg, "load.mass": drive.carried.mass_kg}
+    return {key: write((1.0 + share) * mass, "kg") for key, mass in masses.items() if mass or key != "load.mass"}
+
+
+def _spring(drive: Drive, amount: float) -> Plain:
+    old = drive.carried.spring
+    if old is not None:
+        return {"load.spring.stiffness": write(old.stiffness_n_m + amount, "N/m")}
+    middle = write(0.5 * drive.cylinder.stroke_m, "m")
+    return {"load.spring": {"stiffness": write(amount, "N/m"), "rest_position": middle}}
+
+
+def _ratio(drive: Drive, amount: float) -> Plain:
+    return {"valve.critical_pressure_ratio": float(np.clip(drive.valve.critical_pressure_ratio + amount, *RATIO))}
+
+
+_supply = _drive(lambda drive, amount: {"supply.pressure": f"{drive.supply_pressure_pa + amount!r} Pa abs"})
+
+
+def _opened(how: Callable[[Array, Array], Array], *edges: int) -> Change:
+    """Return a change that applies `how` to the openings of some valve edges.
+
+    `how` is a function (openings, amount at each edge) -> openings.
+
+    With `numpy.add`, it models a leak: each edge passes a further fraction of its full conductance.
+    """
+
+    def change(scene: Scene, amount: float) -> Scene:
+        amounts = np.zeros(4)
+        amounts[list(edges)] = amount
+        return replace(scene, opened=how(scene.opened, amounts))
+
+    return change
+
+
+def _edges(*edges: int) -> Change:
+    """Return a change that scales the conductance of some valve edges by 1 + amount."""
+    return _opened(lambda opened, share: np.maximum(opened * (1.0 + share), 0.0), *edges)
+
+
+def _command(how: Callable[[Array, float, float], Array]) -> Change:
+    """Return a change that opens the valve for another command, `how` (command, amount, sampling step) -> command."""
+
+    def change(scene: Scene, amount: float) -> Scene:
+        return _reopened(scene, scene.drive, how(scene.signals.command, amount, scene.signals.step_s))
+
+    return change
+
+
+def _overlap(scene: Scene, amount: float) -> Scene:
+    """Change the overlap of the valve's edges."""
+    drive = scene.drive.replace({"valve.overlap": (scene.drive.valve.overlap or 0.0) + amount})
+    return _reopened(scene, drive, scene.signals.command)
+
+
+def _reopened(scene: Scene, drive: Drive, command: Array) -> Scene:
+    """Return the scene with another drive and the changed openings of its valve under this command."""
+    before = at_samples(openings(scene.drive, scene.signals.command))
+    after = at_samples(openings(drive, command))
+    return replace(scene, drive=drive, opened=np.maximum(scene.opened + after - before, 0.0))
+
+
+def _delayed(command: Array, delay_s: float, step_s: float) -> Array:
+    """Delay the command by a time that need not be a whole number of samples."""
+    sample = np.arange(command.size)
+    return np.interp(sample - delay_s / step_s, sample, command)
+
+
+def _sag(lag_s: float) -> Change:
+    """Return a change that lowers the supply pressure in proportion to the lagged flow, by at most the amount in Pa."""
+
+    def change(scene: Scene, amount: float) -> Scene:
+        step = 1e-3 * scene.drive.supply_pressure_pa
+        before, after = scene.terms, _supply(scene, -step).terms
+        drawn = np.maximum(before["mass_flow_a_kg_s"], 0.0) + np.maximum(before["mass_flow_b_kg_s"], 0.0)
+        decay = np.exp(-scene.signals.step_s / lag_s) if lag_s else 0.0
+        drawn = np.asarray(lfilter([1.0 - decay], [1.0, -decay], drawn))
+        fall, k0 = amount * drawn / max(drawn.max(), 1e-30), scene.kernel[0]
+        a, b = (np.convolve(fall * (after[rate] - before[rate]) / step, k0, "valid") for rate in RATES)
+        return scene.less(np.stack([np.zeros_like(a), a, b]))
+
+    return change
+
+
+def _to_ambient(chamber: int) -> Callable[[Scene], tuple[Array, float]]:
+    """Return a function: scene -> pressure ratio over a leak to the ambient air, and critical ratio of the leak."""
+    return lambda scene: (
+        scene.drive.ambient.pressure_pa / scene.pressures[chamber],
+        scene.drive.valve.critical_pressure_ratio,
+    )
+
+
+def _past_piston(scene: Scene) -> tuple[Array, float]:
+    """Return the pressure ratio of a leak past the piston, and the critical ratio of `cylinder.leakage`."""
+    a, b = scene.pressures
+    return np.minimum(a, b) / np.maximum(a, b), LEAK_CRITICAL_RATIO
+
+
+def _dead_volume(sides: str) -> Change:
+    def changes(drive: Drive, share: float) -> Plain:
+        old = drive.cylinder.dead_volume_m3
+        factor = {c: 1.0 + share if c in sides else 1.0 for c in "ab"}
+        return {"cylinder.dead_volume": {c: write(getattr(old, c) * factor[c], "m^3", "cm3") for c in "ab"}}
+
+    return _drive(changes)
+
+
+def _sensor(position: float = 0.0, a: float = 0.0, b: float = 0.0) -> Change:
+    """Return a change for sensors that read too high by an amount: it lowers the values by this amount."""
+
+    def change(scene: Scene, amount: float) -> Scene:
+        p_a, p_b = scene.pressures
+        truth = (p_a - a * amount, p_b - b * amount)
+        return replace(scene, position=scene.position - position * amount, pressures=truth)
+
+    return change
+
+
+def _gain(scene: Scene, share: float) -> Scene:
+    a, b = scene.pressures
+    return replace(scene, pressures=(a / (1.0 + share), b / (1.0 + share)))
+
+
+_SENSORS: Rows = {
+    "zero of pressure a": {"change": _sensor(a=1.0)},
+    "zero of pressure b": {"change": _sensor(b=1.0)},
+    "gain of the pressures": {"change": _gain},
+    "zero of the position": {"change": _sensor(position=1.0)},
+}
+
+
+# --- Fit of the causes to the residuals.
 
 BLOCK_S = 0.25
 #: Normalised residual up to which a balance closes, by sensor noise and irrelevant errors.
@@ -102,9 +427,8 @@ class Culprit:
     def text(self) -> str:
         """Finding as text: explained fraction, cause and size, indistinguishable causes, remedy."""
         cause = self.cause
-        text = (
-            f"{100.0 * self.share:.0f} % of the residual is explained by {_in_words(cause, self.amount, self.stderr)}"
-        )
+        size = _in_words(cause, self.amount, self.stderr)
+        text = f"{100.0 * self.share:.0f} % of the residual is explained by {size}"
         if self.laws is not None and self.laws[1] - self.laws[0] > self.stderr:
             low, high = (plain(_SAID[cause.unit][0] * end) for end in self.laws)
             text += f"; {low} to {high} % over the flow laws (b = 0 to 0.53) that the recordings cannot distinguish"
@@ -163,30 +487,20 @@ class _Fit:
     amounts, columns : ndarray, shape (causes,), (causes, n)
         Amount of each cause, and effect of a unit of the cause on the stacked residual. The effect does not contain
         the part that the other causes can compensate.
-    after : ndarray
-        Stacked residual that remains.
-    share : float
-        Explained fraction.
+    after, before : ndarray
+        Stacked residual with these amounts, and without them.
     """
 
     causes: list[Cause]
     amounts: Array
     columns: Array
     after: Array
-    share: float
+    before: Array
 
-    @classmethod
-    def single(
-        cls,
-        cause: Cause,
-        amount: float,
-        column: Array,
-        after: Array,
-        left: Array,
-    ) -> _Fit:
-        """Return the fit of one cause to a residual."""
-        share = 1.0 - float(after @ after / (left @ left))
-        return cls([cause], np.array([amount]), column[None], after, share)
+    @functools.cached_property
+    def share(self) -> float:
+        """Explained fraction of the squared residual."""
+        return 1.0 - float(self.after @ self.after / (self.before @ self.before))
 
     @property
     def cause(self) -> Cause:
@@ -197,11 +511,6 @@ class _Fit:
     def amount(self) -> float:
         """Amount of the tested cause."""
         return float(self.amounts[-1])
-
-    @property
-    def column(self) -> Array:
-        """Effect of a unit of the tested cause."""
-        return self.columns[-1]
 
 
 class _Regression:
@@ -219,26 +528,22 @@ class _Regression:
         self.drive, self.watch = drive, watch
         self.first = self.scenes = [Scene.of(drive, s) for s in signals]
         self.causes = {c.key: c for c in causes(drive)}
-        blocks, places, start = [], [], 0
+        #: Masks of the stacked values of each recording; block and balance of each stacked value.
+        self.chosen, blocks, places, start = [], [], [], 0
         for scene in self.first:
             number = start + np.floor(scene.time_s / BLOCK_S).astype(np.int64)
-            stride = max(scene.half // 2, 1)
-            balance, at = np.nonzero(scene.used[:, ::stride])
-            blocks.append(number[::stride][at])
+            self.chosen.append(scene.used & (np.arange(number.size) % max(scene.half // 2, 1) == 0))
+            balance, at = np.nonzero(self.chosen[-1])
+            blocks.append(number[at])
             places.append(balance)
             start = int(number[-1]) + 1
-        #: Block and balance of each stacked value.
         self.blocks, self.places = np.concatenate(blocks), np.concatenate(places)
         self.left = self.stacked(scene.residuals for scene in self.scenes)
 
     def stacked(self, values: Iterable[Array], *, weighted: bool = True) -> Array:
         """Return the values of all recordings and balances in one vector, relative to their standard deviations."""
-        out = []
-        for scene, balances in zip(self.first, values, strict=True):
-            stride = max(scene.half // 2, 1)
-            shown = balances / scene.scale if weighted else balances
-            out.append(shown[:, ::stride][scene.used[:, ::stride]])
-        return np.concatenate(out)
+        parts = zip(self.first, self.chosen, values, strict=True)
+        return np.concatenate([(b / scene.scale if weighted else b)[chosen] for scene, chosen, b in parts])
 
     def changed(self, every: Sequence[Cause], amounts: Array | Sequence[float]) -> list[Scene]:
         """Return the model changed by these amounts of the causes."""
@@ -270,8 +575,8 @@ class _Regression:
 
     def stderr(self, fit: _Fit) -> float:
         """Estimate the standard error of an amount with scores summed over blocks."""
-        score = np.bincount(self.blocks, weights=fit.column * fit.after)
-        power = float(fit.column @ fit.column)
+        column = fit.columns[-1]
+        score, power = np.bincount(self.blocks, weights=column * fit.after), float(column @ column)
         if power == 0.0:
             return np.inf
         blocks = max(int(np.unique(self.blocks).size), 2)
@@ -304,7 +609,7 @@ class _Regression:
             elif cause.key in columns:
                 column = columns[cause.key]
                 amount = float(np.clip((column @ self.left) / (column @ column), *cause.bounds))
-                linear.append(_Fit.single(cause, amount, column, self.left - amount * column, self.left))
+                linear.append(_Fit([cause], np.array([amount]), column[None], self.left - amount * column, self.left))
         linear.sort(key=lambda fit: -fit.share)
         refined = [fit if fit.cause.profile else self.newton(fit.causes, fit.amounts) for fit in linear[:REFINED]]
         refined = sorted([*refined, *linear[REFINED:]], key=lambda fit: -fit.share)
@@ -344,7 +649,7 @@ class _Regression:
 
     def newton(self, every: list[Cause], amounts: Array) -> _Fit:
         """Refine the amounts of causes by Gauss-Newton. A cause that makes the description invalid explains nothing."""
-        best = _Fit(every, 0.0 * amounts, np.zeros((len(every), 1)), self.left, 0.0)
+        best = _Fit(every, 0.0 * amounts, np.zeros((len(every), 1)), self.left, self.left)
         low, high = np.array([cause.bounds for cause in every]).T
         for _ in range(NEWTON_STEPS + (not amounts.any())):
             here, columns = self.residual(every, amounts), []
@@ -356,12 +661,11 @@ class _Regression:
                 continue
             matrix = np.column_stack(columns)
             size = np.maximum(np.linalg.norm(matrix, axis=0), 1e-300)
-            share = 1.0 - float(here @ here / (self.left @ self.left))
-            if best.after is self.left or share > best.share:
+            if best.after is self.left or here @ here < best.after @ best.after:
                 # The pseudo-inverse's rows are the columns without the part that the others can replace.
                 rows = np.linalg.pinv(matrix / size, rcond=1e-6) / size[:, None]
                 rows = rows / np.maximum(np.sum(rows**2, axis=1), 1e-300)[:, None]
-                best = _Fit(every, amounts, rows, here, share)
+                best = _Fit(every, amounts, rows, here, self.left)
             change = np.linalg.lstsq(matrix / size, here, rcond=1e-6)[0] / size
             amounts = np.clip(amounts + change, low, high)
         return best
@@ -383,14 +687,15 @@ class _Regression:
             terms = (size / amount * w * v for w, v in zip(weights, profile(scene), strict=True))
             return functools.reduce(Scene.less, terms, scene)
 
-        return [_Fit.single(replace(cause, change=change), amount, effect / amount, self.left - effect, self.left)]
+        fitted = replace(cause, change=change)
+        return [_Fit([fitted], np.array([amount]), effect[None] / amount, self.left - effect, self.left)]
 
     def companion(self, fit: _Fit, k: int) -> _Fit:
         """Return the fit of the k-th companion of a cause, with the fraction of the residual that it explains."""
         others = [at for at in range(len(fit.causes)) if at != k]
         without = self.residual([fit.causes[at] for at in others], fit.amounts[others])
-        left = fit.after if without is None else without
-        return _Fit.single(fit.causes[k], fit.amounts[k], fit.columns[k], fit.after, left)
+        before = fit.after if without is None else without
+        return _Fit([fit.causes[k]], fit.amounts[[k]], fit.columns[[k]], fit.after, before)
 
     def culprit(self, fit: _Fit, others: Sequence[_Fit] = ()) -> Culprit:
         """Return a cause with its uncertainty and its rivals."""
@@ -415,14 +720,15 @@ class _Regression:
         """
         if fit.cause.ratio is None:
             return None
-        amounts, sizes, target = [], [], fit.after + fit.amount * fit.column
+        effect, amounts, sizes = fit.columns[-1], [], []
+        target = fit.after + fit.amount * effect
         for critical in LEAK_RATIOS:
             factors = []
             for scene in self.first:
                 ratio, usual = fit.cause.ratio(scene)
                 inside = ratio[scene.half : ratio.size - scene.half]
                 factors.append(np.stack([_flow(inside, critical) / np.maximum(_flow(inside, usual), LEAST_FLOW)] * 3))
-            column = fit.column * self.stacked(factors, weighted=False)
+            column = effect * self.stacked(factors, weighted=False)
             amounts.append(float(column @ target / (column @ column)))
             rest = target - amounts[-1] * column
             sizes.append(rest @ rest)

@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, overload
+from typing import Any, Literal, overload
 
 import numpy as np
 
 from pneudrive import __version__
+from pneudrive.arrays import Columns, Keyed, NamedNumbers, Plain
 from pneudrive.describe import Circuit, Drive
 from pneudrive.describe.files import toml
 from pneudrive.errors import CommandError
 from pneudrive.files.inputs import INPUTS, inputs_of, stored_beside
 from pneudrive.identify.dynamic.result import DriveFit
+from pneudrive.identify.dynamic.sensors import Sensor
 from pneudrive.identify.follow.driven import check_follow
 from pneudrive.identify.follow.fit import FollowFit
 from pneudrive.identify.identified import stated
@@ -22,22 +25,16 @@ from pneudrive.identify.volume import RegulatorFit
 from pneudrive.lazy_names import upper
 from pneudrive.progress import Flag, Progress, Watch
 from pneudrive.repr_tables import Shown
-from pneudrive.signals.drive_recording import NEEDED, OPTIONAL, check_plausible, moves, read_drive_recordings, time_gaps
+from pneudrive.signals import drive_recording as drive_files
+from pneudrive.signals.drive_recording import NEEDED, OPTIONAL, DriveRecording, Given
+from pneudrive.signals.layout import AnyLayout
+from pneudrive.signals.recording import Recording
 from pneudrive.simulation.simulate import positive, require
 from pneudrive.simulation.trajectory import save_columns, write_whole
 from pneudrive.validate import balance
 from pneudrive.validate.diagnosis import Diagnosis, diagnose
 from pneudrive.validate.motion import MotionValidation, RegulatorValidation, validate_motion, validate_regulator
 from pneudrive.views import View, Viewed
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
-
-    from pneudrive.arrays import Columns, Keyed, NamedNumbers, Plain
-    from pneudrive.identify.dynamic.sensors import Sensor
-    from pneudrive.signals.drive_recording import DriveRecording, Given
-    from pneudrive.signals.layout import AnyLayout
-    from pneudrive.signals.recording import Recording
 
 SCHEMA = 1  # version of the format of validation.toml
 HEAD = "# Validation of a drive against recordings. SI; nrmse and share are fractions, fit is in percent."
@@ -235,7 +232,7 @@ class Validation(Viewed):
                 "residual_over_noise": {name.replace(" ", "_"): value for name, value in diagnosis.size.items()},
                 "culprit": [
                     {"amount": c.amount, "unit": c.cause.unit, "interval": c.interval, "share": c.share, "text": c.text,
-                     "remedy": c.cause.remedy, "free": c.free, "what": c.key, "rivals": [name for name, _ in c.rivals]}
+                     "remedy": c.cause.remedy, "free": c.free, "what": c.key, "rivals": [*dict(c.rivals)]}
                     for c in diagnosis.culprits
                 ],
             },
@@ -368,15 +365,16 @@ def validate(
     if not fitted:  # recordings behind the identified values, without hashes; a file lists at most six
         texts = {origin.source for origin in drive.provenance.values()} - {"not stated"}
         fitted = {name: "" for text in texts for name in text.partition(" and ")[0].split(", ")}
-    for recording in read_drive_recordings(recordings, layout):
-        check_plausible(recording, drive.cylinder.stroke_m, drive.ambient.pressure_pa, drive.supply_pressure_pa)
+    for recording in drive_files.read_drive_recordings(recordings, layout):
+        limits = (drive.cylinder.stroke_m, drive.ambient.pressure_pa, drive.supply_pressure_pa)
+        drive_files.check_plausible(recording, *limits)
         own = sensors.sensors_of(recording.name) if isinstance(sensors, DriveFit) else sensors
         without, said = balance.corrected(recording, own)
         read.append(without)
         known += said
     records = tuple(_record(drive, balance.Signals.of(r), window_s) for r in watch.each(read, "recordings simulated"))
     badges = [balance.badge_of(r.name, r.sha256, fitted) for r in read]
-    notes = (*balance.held_out_notes(badges), *known, *_notes(records), *time_gaps(read))
+    notes = (*balance.held_out_notes(badges), *known, *_notes(records), *drive_files.time_gaps(read))
     diagnosis = diagnose(drive, [record.signals for record in records], progress=progress, cancel=cancel)
     return Validation(drive, records, window_s, notes, fitted, diagnosis)
 
@@ -396,7 +394,7 @@ def _notes(records: Sequence[RecordResult]) -> Iterator[str]:
         pairs = ((getattr(signals, p), r.free[q]) for p, q in ((a, b), (b, a)))
         crossed = max(balance.metrics(measured, model).nrmse for measured, model in pairs)
         is_crossed = crossed < PRESSURE_NRMSE < max(r.channels[p].free.nrmse for p in (a, b))
-        if not moves(signals.position_m):
+        if not drive_files.moves(signals.position_m):
             yield (
                 f"{r.recording.name}: the piston does not move, so that the verdicts compare the model with noise. "
                 "Record motion in both directions"
@@ -419,13 +417,8 @@ def _record(drive: Drive, signals: balance.Signals, window_s: float) -> RecordRe
     free = balance.run_model(drive, signals)
     every = max(round(window_s / signals.step_s), 2)
     restarted = balance.run_model(drive, signals, range(0, max(signals.time_s.size - every // 2, 1), every))
-    stimuli = {
-        "command": signals.command,
-        "direction": signals.direction,
-        "position": signals.position_m,
-        "pressure a": signals.pressure_a_pa,
-        "pressure b": signals.pressure_b_pa,
-    }
+    stimuli = {"command": signals.command, "direction": signals.direction}
+    stimuli |= {words: getattr(signals, channel) for channel, words in CHANNELS.items()}
     channels = {}
     for channel in CHANNELS:
         measured = getattr(signals, channel)

@@ -8,7 +8,7 @@ from oracle.faulty_circuits import faulty_record
 from pneudrive.signals.drive_recording import drive_recording
 from pneudrive.validate import diagnose, validate
 from pneudrive.validate.balance import Scene, Signals
-from pneudrive.validate.causes import causes
+from pneudrive.validate.diagnosis import causes
 from trials.diagnosis_hits import CASES
 
 BY_NAME = {case.name: case for case in CASES}
