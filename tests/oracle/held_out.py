@@ -4,7 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pneudrive.identify.static.survey import grouped, pressure_levels, survey_values
+from pneudrive.identify.static.model import selected
+from pneudrive.identify.static.survey import of_values, pressure_levels, row_labels, survey_values
 
 
 @dataclass(frozen=True)
@@ -29,8 +30,12 @@ class LeftOut:
 
 def held_out(friction_map, seals, runs, *, by, direction=None):
     """Hold out each pressure of each seal, or each run of seals with several runs, and predict it at 90 %."""
-    groups, of_run, _ = grouped(friction_map, seals, runs, direction=direction, exclude_flags=())
-    out = []
+    seal_of, run_of = row_labels(friction_map, seals), row_labels(friction_map, "" if runs is None else runs)
+    groups, of_run, out = {}, {}, []
+    for seal in dict.fromkeys(seal_of.tolist()):
+        part = friction_map.isel(row=np.flatnonzero(seal_of == seal))
+        groups[seal] = selected(part, direction=direction, exclude_flags=())[0]
+        of_run[seal] = of_values(part, run_of[seal_of == seal], groups[seal])
     for seal, data in groups.items():
         names, run = np.unique(of_run[seal], return_inverse=True)
         parts = pressure_levels(data) if by == "pressure" else run
