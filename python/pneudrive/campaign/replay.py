@@ -25,7 +25,7 @@ from pneudrive.rig.rig_file import RigFile
 
 SHOWN = 6
 SAME_POSITION_M = 1e-3
-# Default differences between a request and its recording: relative for speeds and stops, Pa for pressures.
+# Default tolerances between a request and its recording: relative for speeds and stops, Pa for pressures.
 SPEED_TOLERANCE, PRESSURE_TOLERANCE_PA = 0.05, 2000.0
 
 

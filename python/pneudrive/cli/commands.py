@@ -28,7 +28,7 @@ from pneudrive.errors import CommandError, nearest
 
 #: Title in a help -> commands.
 Sections: TypeAlias = Mapping[str, Sequence[str]]
-#: Parameters for a description file. Commands with one of them also accept catalogue folders.
+#: Parameters for a description file. Commands with such a parameter also accept catalogue folders.
 _DESCRIBED = {"drive", "circuit", "task", "first"}
 _CATALOGUE = inspect.Parameter("catalogue", inspect.Parameter.KEYWORD_ONLY, default=None, annotation=list[Path] | None)
 _EXAMPLES = "\n\nExamples\n--------\n"
@@ -87,7 +87,7 @@ class LazyGroup(TyperGroup):
     Attributes
     ----------
     table : mapping
-        Command -> module with a function or a group of its name.
+        Command -> module with a function or a group of the same name.
     sections : mapping
         Title -> commands that help and completion show.
     """
@@ -144,8 +144,8 @@ def group(table: Mapping[str, str], text: str = "", sections: Sections | None = 
     text : str
         Help of the group.
     sections : mapping, optional
-        Title -> commands that the help shows. Default: all of them under one title. Only the root has sections; it also
-        offers ``--install-completion`` and ``--show-completion``.
+        Title -> commands that the help shows. Default: all commands under one title. Only the root group has sections.
+        With sections, the group also offers ``--install-completion`` and ``--show-completion``.
 
     Returns
     -------

@@ -37,7 +37,7 @@ with used_later(__name__):
     from pneudrive.simulation import trajectory
 
 SHOWN = ("max_error_m", "rmse_m", "settling_100_um_s", "rest_error_m", "hunting_m")
-#: Files of a run of a platform in its folder.
+#: Files in the folder of a platform's run.
 RUN, SCORE, PICTURE = "run.parquet", "score.csv", "pose.png"
 
 control = group(

@@ -1,4 +1,4 @@
-"""Pneumatic drives at the actuators of a MuJoCo model. They need the extra ``mujoco``."""
+"""Pneumatic drives at the actuators of a MuJoCo model. This package needs the extra ``mujoco``."""
 
 from pneudrive.mujoco.actuators import Actuators, StepReport
 

@@ -178,9 +178,10 @@ def _check(model: Any, name: str, i: int) -> None:  # noqa: ANN401
 
 # --- Drives at the actuators of a MuJoCo model.
 
-#: Accepted difference between the motion of MuJoCo and that of the chambers: m, a fraction of the motion, and m from
-#: the attempt `RENEW_FROM` on. Positions do not drift apart, because each step begins at the positions of MuJoCo. Exact
-#: agreement is impossible, because the mean force has small jumps when the solver of the chambers changes its steps.
+#: Accepted difference between the motion of MuJoCo and that of the chambers: in m; as a fraction of the motion; in m,
+#: from the attempt `RENEW_FROM` on. Positions do not drift apart, because each step begins at the positions of MuJoCo.
+#: Exact agreement is impossible, because the mean force has small jumps when the solver of the chambers changes its
+#: steps.
 CLOSED, SHARE, ENOUGH = 1e-13, 1e-8, 1e-9
 #: Largest number of attempts of a step (usually two are needed), and attempt from which the slopes of the forces are
 #: computed by dual numbers.
@@ -298,7 +299,7 @@ class Actuators:
     """Pneumatic drives at the actuators of a MuJoCo model.
 
     MuJoCo models all masses and weights; masses and inclines of the drives are not used. In each step, the force of a
-    cylinder is constant. It is the mean force along the resulting motion, solved for all cylinders at once. The
+    cylinder is constant. It is the mean force along the resulting motion. All cylinders are solved at once. The
     chambers then advance along this motion. An actuator is a plain force: ``<motor joint="slide"/>``. Its length is the
     position of the cylinder plus `zero`.
 

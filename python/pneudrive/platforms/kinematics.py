@@ -32,11 +32,11 @@ STEP = 1e-5
 #: Largest searched distance from `home`, m and rad (assumed), and number of points of the scan.
 REACH = {"m": 2.0, "rad": np.radians(89.0)}
 POINTS = 400
-#: Number of bisections to find a limit, which gives a millionth of a millimetre.
+#: Number of bisections to find a limit; the resolution is a millionth of a millimetre.
 HALVINGS = 40
 #: Singular value below which a pose counts as nearly singular (assumed).
 LEAST_SINGULAR_VALUE = 0.1
-#: Number of poses per coordinate in `Platform.reach`, with three legs and with more; and number of directions.
+#: Number of poses per coordinate in `Platform.reach`, for three legs and for more; and number of directions.
 REACH_STEPS, REACH_POINTS = (11, 5), 80
 
 
@@ -375,7 +375,7 @@ class Platform(Viewed):
         return run.assign(out)
 
     def workspace(self) -> PoseLimits:
-        """Return the limits of each coordinate from the pose `home`: ends of strokes, reach, or singular poses."""
+        """Return the limits of each coordinate, starting at `home`: ends of strokes, reach, or singular poses."""
         each = enumerate(self.coordinates)
         return PoseLimits({key: (_limit(self, k, -1.0), _limit(self, k, 1.0)) for k, key in each})
 
@@ -402,7 +402,7 @@ class Limit:
 
 @dataclass(frozen=True)
 class PoseLimits:
-    """Limits of each coordinate, while the other coordinates stay as in the pose at half strokes.
+    """Limits of each coordinate, while the other coordinates stay as in the pose `home`.
 
     Attributes
     ----------

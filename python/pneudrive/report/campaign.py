@@ -183,7 +183,7 @@ def curves(topic: Topic, found: CampaignCharacteristics) -> Blocks:
 
 
 def air(topic: Topic, found: CampaignCharacteristics) -> Blocks:
-    """Show how much of the friction over speed the force of the air explains."""
+    """Show which part of the friction over speed the air force explains."""
     if not found.air:
         return
     named, separated = condition_names(found), [a for a in found.air if a.separated]
@@ -476,7 +476,7 @@ def sources(topic: Topic, found: CampaignCharacteristics) -> Blocks:
     yield from topic.listed(page.references(topic.texts["cites"]), "sources")
 
 
-#: Parts with figures by the key of their section, which is the name of the function.
+#: Parts with figures. The name of the function is also the key of the section.
 _PARTS: tuple[Any, ...] = (curves, air, pressure, position, stops, drift, loops, stick_slip)
 FIGURED: dict[str, page.Part] = {part.__name__.replace("_", "-"): part for part in _PARTS}
 

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 SUFFIXES = (".html", ".pdf")
 MOST_CURVES, MOST_BARS, MOST_VALUES = 5, 12, 24  # of one result in a table
 LOGARITHMIC = 30.0  # ratio of frequencies from which on their axis is logarithmic
-#: Replacement in the first picture, the circuit drawing, that makes it smaller than the page.
+#: Text in the SVG of the circuit drawing, and its replacement, which makes the drawing smaller than the page.
 SMALL_CIRCUIT = ("<svg ", '<svg style="max-width: 26rem; display: block" ')
 
 
@@ -226,7 +226,7 @@ def sheet_view(found: Datasheet) -> View:
 
 
 def _leading(found: Datasheet) -> Iterator[ShownValue]:
-    """Yield stroke times and the harder impact with its limit, if the piston reaches its ends, and air consumption."""
+    """Yield stroke times, the harder impact with its limit (if the piston reaches its ends), and air consumption."""
     square = found.results.get("square-response")
     if square is not None and square.stroke_time.notnull().all():
         for way, time in zip(("out", "back"), square.stroke_time.values, strict=True):

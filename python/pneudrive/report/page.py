@@ -382,8 +382,8 @@ class Topic:
         """Return a table with a row for each record: an object, a mapping, or a tuple with one value per column.
 
         A column is ``head | field | form``. The unit in its heading follows from the suffix of the field, such as
-        ``stop.speed_m_s``. If a column has no field, each record is a tuple. The form is that of ``format``, or a named
-        form. A column of the form "spare" is left out if it is empty.
+        ``stop.speed_m_s``. If a column has no field, each record is a tuple. The form is one of ``format``, or the name
+        of a form. A column of the form "spare" is left out if it is empty.
         """
         texts, rows = self.texts[name], list(records)
         heads, columns = [], []
@@ -423,7 +423,7 @@ def write_pdf(report: Report, target: Path) -> Path:
     Parameters
     ----------
     report : Report
-        Its figures are drawn.
+        Report whose figures have already been drawn.
     target : Path
 
     Raises

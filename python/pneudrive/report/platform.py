@@ -255,7 +255,7 @@ def scene_drawing(size: Pair, strokes: Sequence[PenStroke], row: int = -1) -> Dr
 
 
 def _paper(size: Pair, strokes: Sequence[PenStroke], row: int, *texts: tuple[float, float, str]) -> Figure:
-    """Return a figure with the size of a scene, rounded because films need an even number of pixels.
+    """Return a figure with the size of a scene, rounded to even numbers of pixels, as films require.
 
     `texts` have positions in px.
     """

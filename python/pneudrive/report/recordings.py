@@ -425,7 +425,7 @@ def _is_one_chamber(fits: Sequence[ClosureFit]) -> bool:
 def closures(fits: Sequence[ClosureFit]) -> Figure:
     """Draw half the sum of forces of all groups over pressure, or over the fitted half sum if both pressures changed.
 
-    Residuals are in a panel below. Lines with as many parameters as points have none.
+    Residuals are in a panel below. A line with as many parameters as points has no residuals.
     """
     above, below, one_chamber = [], [], _is_one_chamber(fits)
     for index, fit in enumerate(sorted(fits, key=lambda fit: fit.group)):
@@ -552,7 +552,7 @@ def stick_slip(topic: Topic, found: Characterisation) -> Blocks:
 
 
 def motion_figures(motions: Sequence[tuple[str, Array, Array, Array, float]]) -> tuple[Figure, Figure]:
-    """Draw motions over time, and in the phase plane: speed over position minus the mean motion, in a column each.
+    """Draw motions over time and in the phase plane (speed over position without its trend), one column per motion.
 
     Parameters
     ----------
@@ -678,7 +678,7 @@ def _sensors(recordings: tuple[Recording, ...]) -> Iterator[tuple]:
 
 
 def record(topic: Topic, found: Characterisation) -> Blocks:
-    """Show all channels of one recording of each seal over time."""
+    """Show all channels over time, for one recording of each seal."""
     yield topic.text()
     for index, group in enumerate(list(page.by_seal(found).values())[:MOST_PANELS], 1):
         shown = group[len(group) // 2]

@@ -43,7 +43,7 @@ TINTS = ("band", "shade", "shade two")
 #: Lightest and darkest colour of ordered curves. The order stays visible in grey.
 RAMP = ((0.67, 0.79, 0.89), (0.03, 0.13, 0.30))
 
-#: Settings of matplotlib for windows. They do not change a picture, and reading the first one is slow.
+#: Settings of matplotlib for windows. They do not change a picture, and reading ``backend`` is slow.
 _OF_WINDOWS = ("backend", "backend_fallback", "interactive", "toolbar")
 
 
@@ -446,7 +446,7 @@ def _drawing(mark: Drawing, axis: Axes, x: Axis, y: Axis) -> Handle:
         if stroke.fill:
             face = {"facecolor": ink(stroke.fill), "alpha": stroke.tint}
             axis.fill(*points.T, edgecolor=color, lw=0.0 if stroke.tint < 1.0 else stroke.width, **face)
-        # The outline of an area is hidden by what is drawn later, as the area is.
+        # The outline of an opaque area is drawn with the area, so that later strokes hide both.
         if not stroke.fill or stroke.tint != 1.0:
             line: Any = (0.0, list(stroke.dash)) if stroke.dash else "-"
             cap: Any = stroke.cap

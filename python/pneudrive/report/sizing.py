@@ -102,7 +102,7 @@ def _ranges(numbered: Mapping[int, SizedDrive], caption: str) -> ShownTable:
 
 
 def _ends(drive: SizedDrive, name: str, factor: float) -> str:
-    """Return the range of 98 % of the samples as text. It is empty in folders written by earlier versions."""
+    """Return the range of 98 % of the samples as text. The text is empty for a folder of an earlier version."""
     if name not in drive.intervals:
         return ""
     low, high = (f"{factor * end:.3g}" if end < math.inf else "no end" for end in drive.intervals[name])

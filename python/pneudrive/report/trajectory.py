@@ -91,7 +91,7 @@ def over_time(run: xr.Dataset, most: int = 20_000) -> Figure:
         is_circuit, lines = any("." in name for name in names), []
         looks = figures.LOOKS if is_circuit else (figures.MEASURED, figures.MODEL)  # of a drive with its two chambers
         for name, own in zip(names, looks, strict=False):
-            # Of several curves, each is named by its component, or by its chamber.
+            # If there are several curves, each is named by its component, or by its chamber.
             words = name.rpartition(".")[0] or name.removeprefix(last).replace("_", "chamber ")
             words = words if len(names) > 1 else ""
             lines.append(Line(time, run[name].values[part], words, own, 1.0, steps=label == "command"))

@@ -1,7 +1,7 @@
 """Description of a simulated rig: its sensors, and a TOML file in which each value has a unit and a source.
 
-Only known keys are read. One file can extend another. The core defines the parameters of the components. The table of
-friction has the parameters of its law, and the modifiers of a drive file.
+Unknown keys are rejected. One file can extend another. The core defines the parameters of the components. The friction
+table has the parameters of its law, and the same modifiers as a drive file.
 """
 
 from __future__ import annotations

@@ -112,7 +112,7 @@ class Hold:
 
 
 Step = Move | Hold
-#: Kinds of steps in JSON, by whether a step has a target.
+#: Kinds of steps in JSON: a step without a target, and a step with a target.
 TAGS = ("hold", "move")
 WrittenStep = Annotated[
     Annotated[Move, pydantic.Tag("move")] | Annotated[Hold, pydantic.Tag("hold")],
@@ -217,7 +217,7 @@ def closed_after(given: T) -> Iterator[T]:
 
 
 def missing_verbs(rig: object, of: type) -> list[str]:
-    """Return the methods of a protocol that a rig lacks, also through a wrapper."""
+    """Return the methods of a protocol that a rig does not have. Methods of a wrapped rig count."""
     return [verb for verb in vars(of) if not verb.startswith("_") and not callable(getattr(rig, verb, None))]
 
 
@@ -411,7 +411,7 @@ class Changeable(Protocol):
     """Protocol of simulated rigs, which also carry out the manual changes of an operator."""
 
     def levels(self) -> dict[str, tuple[str, ...]]:
-        """Return the levels of each factor with fixed levels. Other factors accept any name."""
+        """Return the levels of each factor with fixed levels. Other factors accept any name of a level."""
         ...
 
     def change(self, levels: dict[str, str]) -> None:

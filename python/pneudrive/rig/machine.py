@@ -128,7 +128,7 @@ def _supply(rig: Dragged, d: RigDescription, pressures_pa: Pair) -> None:
     def regulator(volume: str, pressure: float) -> None:
         source = f"source_{volume}"
         rig.hold(source, pressure)
-        # A hose of this volume and diameter has 4 V/d of wall.
+        # A hose of the volume V and the diameter d has the wall area 4 V/d.
         wall = 4.0 * c.manifold_volume / c.hose_diameter
         rig.volume(volume, pressure, volume=c.manifold_volume, wall_area=wall, heat_transfer=heat)
         rig.path(f"regulator_{volume}", c.regulator_conductance, ratio, (source, volume))
@@ -270,7 +270,7 @@ def drag(rig: Dragged, motion: Motion, times: Array, begin: float | list[float],
 SHORTEST_M = 1e-9
 #: Fraction of the set pressure within which chambers count as settled; longest settling time, s; interval of checks, s.
 SETTLED, LONGEST_S, LOOK_S = 1e-3, 60.0, 0.5
-#: Speed at which friction is evaluated as breakaway, m/s, to check whether a released axis stays.
+#: Speed at which friction counts as breakaway, m/s, to check whether a released axis stays at rest.
 CREEP_M_S = 1e-9
 
 

@@ -292,7 +292,7 @@ PART_S, PART_SAMPLES = 0.1, 2000
 
 
 def in_parts(count: int, duration_s: float, pace: float | None) -> list[slice]:
-    """Split samples into parts of equal size: by the time that they take if there is a pace, otherwise by number."""
+    """Split samples into equal parts: of `PART_S` seconds if there is a pace, otherwise of `PART_SAMPLES` samples."""
     size = PART_SAMPLES if pace is None else math.ceil(count * PART_S * pace / max(duration_s, PART_S * pace))
     return [slice(start, min(start + size, count)) for start in range(0, count, size)]
 

@@ -166,7 +166,7 @@ class SimulatedRig:
         speed = f"{1e3 * trace.speed_m_s:.4g} mm/s"
         shared = attributes_of(identity, *SHARED)
         shared |= {"limits": {"force_n": identity.limits["force_n"]}, "calibration": {}}
-        # Of all channels but time and temperature.
+        # Accuracies of all channels except time and temperature.
         shared["accuracy"] = {channel: identity.accuracy[channel] for channel in CHANNELS[1:-1]}
         return Recording(
             name=f"{speed}, {shown}",
@@ -340,8 +340,8 @@ USUAL_TEMPERATURES_K = (-10.0, 15.0)
 class _Run:
     """Running motion of the axis, for threads that stop or display it.
 
-    ``halted`` is set when the axis must stop. ``present`` is the present step with the history at its start and its
-    motion, and ``reached_s`` the time reached in it. ``seen`` holds the last readings of the sensors.
+    ``halted`` is set when the axis must stop. ``present`` has the present step, the history at its start, and its
+    motion. ``reached_s`` is the time since the start of the step. ``seen`` has the last readings of the sensors.
     """
 
     halted: Event = field(default_factory=Event)

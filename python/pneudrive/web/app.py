@@ -36,7 +36,7 @@ from pneudrive.web.workspace import DROP, MOST_FILES, REPORTS, ChangedError, Wor
 SANDBOX = f"{POLICY}; frame-ancestors 'none'; sandbox allow-same-origin allow-downloads"
 _PICTURE = re.compile(rf"{FIGURES}/[\w.+-]+\.(?:png|svg)")
 BUILD_FILE, FRAME = "/build.json", "application/octet-stream"
-#: Method and address -> function that answers, see `answer_of`.
+#: Method and address -> function that answers such requests, see `answer_of`.
 ANSWERS: dict[str, str] = {
     route: f"{module}:{function}"
     for module, routes in package_table(__file__, "routes.toml").items()
@@ -93,7 +93,7 @@ def make_app(workspace: Workspace, page: Mapping[str, bytes], *, control: bool =
 
 
 def _route(name: str, function: str, known: Keyed) -> Route:
-    """Return the route of a line of `ANSWERS`. Its function runs in a thread, and its errors become answers."""
+    """Return the route of one entry of `ANSWERS`. The function runs in a thread, and its errors become answers."""
     method, path = name.split()
 
     async def endpoint(request: Request) -> Response:
@@ -126,7 +126,7 @@ def _problems(error: PneudriveError, status: int = 400) -> JSONResponse:
 
 
 def studies(workspace: Workspace, control: bool, build: str, state: str) -> Plain:
-    """List the workspace and the drives of the catalogue. An unchanged folder is not listed again."""
+    """List the files of the workspace and the drives of the catalogue. An unchanged folder is not listed again."""
     from pneudrive.describe.files.catalogue import PREFIX, entries
 
     files, left_out = workspace.listed()
@@ -166,10 +166,10 @@ def read_report(workspace: Workspace, secret: str, name: str) -> tuple[bytes, st
 
 
 def report_address(workspace: Workspace, path: str) -> dict[str, str]:
-    """Return the address of the report in a folder. Empty without a report.
+    """Return the address of the report in a folder; empty if the folder has no report.
 
-    A tab that is opened by a link has no token. The address itself therefore contains a secret of the same length. The
-    secret is valid for one folder until the server stops.
+    A tab that a link opens has no token. The address itself therefore contains a secret, which is as long as a token.
+    The secret is valid for one folder until the server stops.
     """
     if not (workspace.folder(path) / REPORT).is_file():
         return {"address": ""}

@@ -17,9 +17,9 @@ from pneudrive.files.writing import alone_in
 from pneudrive.simulation.trajectory import whole
 from pneudrive.web.workspace import TABLES, Workspace
 
-#: Space that stays free on the disk, and size of the parts after which it is looked up again, bytes.
+#: Space that stays free on the disk, and amount of written data after which the space is checked again, bytes.
 RESERVE, LOOK_BYTES = 1 << 30, 1 << 26
-#: Folder of recordings with their layout, part of every installation, and name of the folder for their copies.
+#: Folder of the shipped recordings with their layout, and name of the folder for copies of them.
 SHIPPED, EXAMPLE = Path(__file__).parents[1] / "data" / "demo", "example"
 
 
@@ -140,7 +140,7 @@ def add_example(workspace: Workspace) -> Plain:
 
 
 def _place(part: Path, target: Path) -> None:
-    """Rename a complete file, if its name is still free."""
+    """Rename a complete file, if the new name is still free."""
     try:
         try:
             target.hardlink_to(part)

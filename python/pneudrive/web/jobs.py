@@ -1,4 +1,4 @@
-"""Jobs: each runs a command line in one process, shows its last lines, and can be cancelled, as by Ctrl-C."""
+"""Jobs. A job runs a command line in one process and shows its last lines. Cancelling acts like Ctrl-C."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Models of requests of the page, command and Python lines that repeat them, and answers: problems, data, frames.
+"""Requests of the page as models, shell and Python lines that repeat them, and answers: problems, data, frames.
 
 A frame consists of the length of its head (4 bytes, little-endian), the head (JSON), and arrays, each aligned to 8
 bytes, which the page reads in place.
@@ -45,8 +45,8 @@ def pack(head: Keyed, arrays: Keyed, *, drawn: bool = False) -> bytes:
     arrays : mapping
         Shape (n,) each.
     drawn : bool
-        Whether arrays are only drawn. They are then sent in 32 bits as differences from a middle value, which is listed
-        last. The error of each value is at most 2^-25 of the range of its array.
+        Whether arrays are only drawn. They are then sent in 32 bits as differences from a middle value, which is the
+        last number of the entry in ``arrays``. The error of each value is at most 2^-25 of the range of its array.
     """
     listed, blocks, at = [], [], 0
     for name, values in arrays.items():
@@ -116,7 +116,7 @@ Value = StrictStr | StrictInt | FiniteFloat
 
 
 def bounded(low: float, high: float, rule: str = "") -> WrapValidator:
-    """Return the validator of a number in a request. Text that is not a number is out of bounds."""
+    """Return the validator of a number in a request. Text that is not a number counts as out of bounds."""
 
     def check(given: Any, read: Any, info: Any) -> Any:  # noqa: ANN401 - signature of pydantic
         with suppress(ValidationError):
@@ -149,13 +149,13 @@ class PageRequest(BaseModel):
             raise wrong_request() from None
 
 
-#: Parameters of a function that answers which do not come from a request.
+#: Parameters of answering functions that are not fields of the request.
 OF_SERVER = ("workspace", "control", "build", "limit", "given")
 
 
 @cache
 def _door(name: str) -> tuple[Callable[..., Any], Mapping[str, Parameter], type[PageRequest]]:
-    """Return a function by ``module:function``, its parameters, and the model of those that come from a request."""
+    """Return the function ``module:function``, its parameters, and a model of the parameters that a request gives."""
     module, _, function = name.partition(":")
     found = getattr(import_module(f"pneudrive.web.{module}"), function)
     parameters = signature(found, eval_str=True).parameters
@@ -170,8 +170,8 @@ def _door(name: str) -> tuple[Callable[..., Any], Mapping[str, Parameter], type[
 def answer_of(name: str, table: Keyed, known: Keyed, *, has_defaults: bool = False) -> Any:  # noqa: ANN401 - plain data, or a frame
     """Call the function of an address with the values of a request.
 
-    The parameters of the function define the request: those in `OF_SERVER` come from the server, where ``given`` is the
-    whole table. All others are validated by their annotations.
+    The parameters of the function define the request. The server provides those in
+    `OF_SERVER`, of which ``given`` is the whole request. All others are validated by their annotations.
 
     Parameters
     ----------
@@ -182,7 +182,7 @@ def answer_of(name: str, table: Keyed, known: Keyed, *, has_defaults: bool = Fal
     known : mapping
         Values from the server.
     has_defaults : bool
-        Whether missing texts are empty.
+        Whether each missing required field counts as an empty text.
     """
     function, parameters, request = _door(name)
     if has_defaults:

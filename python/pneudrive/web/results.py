@@ -1,4 +1,4 @@
-"""Results of the workspace: views, summary lines, and lineage, which is the stored list of inputs of each result."""
+"""Results of the workspace: views, summary lines, and lineage (the inputs that each result lists)."""
 
 from __future__ import annotations
 
@@ -138,7 +138,7 @@ def compared(workspace: Workspace, before: str, after: str) -> Plain:
     }
 
 
-# --- Contents of each file of the overview in a line: size of a drive, values of a fit, verdict of a check.
+# --- A summary line for each file of the overview: size of a drive, values of a fit, verdict of a check.
 
 MOST_FILES, MOST_VALUES = 200, 3  # newest files with a line; values in a line
 VERDICTS: dict[State, str] = {"good": "in order", "open": "open", "bad": "needs you"}
@@ -241,7 +241,7 @@ class Lineage:
 
     @cached_property
     def recordings(self) -> dict[str, str]:
-        """Recordings by name without folder and suffix, because results may refer to this name if it is unique."""
+        """Recordings by name without folder and suffix. Results may use this name if it is unique."""
         found = [(stem(Path(path)), path) for path, file in self.files.items() if file.kind == "recording"]
         counts = Counter(name for name, _ in found)
         return {name: path for name, path in found if counts[name] == 1}
@@ -278,7 +278,7 @@ class Lineage:
         return next((path for path in near if path in self.files), alike)
 
     def _digests(self, kind: str, path: str, of: str) -> Collection[str]:
-        """Return the hashes by which a result may name an input; empty if the file cannot be read."""
+        """Return the hashes by which a result may identify an input; empty if the file cannot be read."""
         if kind == "friction map":
             fit = self._read(read_fit, of)
             with suppress(PneudriveError, LookupError):
@@ -327,7 +327,7 @@ class Lineage:
 
     @cached_property
     def results(self) -> list[str]:
-        """Return all files that can have inputs, the newest first, with recordings in Parquet only."""
+        """Return all files that can have inputs, the newest first. Of the recordings, only Parquet files can."""
         runs = (file for file in self.files.values() if file.kind != "recording" or file.path.endswith(".parquet"))
         return [file.path for file in runs if file.kind in RESULT_KINDS]
 
@@ -392,7 +392,7 @@ def _identified(path: Path) -> Drive | None:
 def _hashes(path: Path, kind: str, workspace: Workspace) -> Collection[str]:
     """Return the hashes by which results identify a file: of its values, its samples, or its bytes.
 
-    Friction maps refer to the file of a recording, and other results to its samples.
+    Friction maps store the hash of a recording's file. Other results store the hash of its samples.
     """
     if kind == "fit":
         return [read_fit(path).identified_as({}).fit]

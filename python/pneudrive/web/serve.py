@@ -196,7 +196,7 @@ def address(port: int, token: str) -> str:
     return f"http://{NAMES[0]}:{port}/#token={token}"
 
 
-#: Prefix of files with a hash in their name, and headers that allow a browser to cache them. They contain no user data.
+#: Prefix of files with a hash in their name, and headers by which browsers cache them. These files have no user data.
 HASHED, KEPT = "/assets/", [(b"cache-control", b"max-age=31536000, immutable")]
 TYPES = {
     ".js": "text/javascript; charset=utf-8",

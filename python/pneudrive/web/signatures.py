@@ -202,7 +202,7 @@ CHOICES = {
     "fmi": tuple((version, version) for version in VERSIONS),
     "to": (("fmu", "FMU"), ("c", "Library with header for C")),
 }
-#: Kind of an input -> value of its field without a default of the command.
+#: Kind of an input -> initial value of its field if the command has no default.
 STARTS = {"number": None, "flag": False}
 
 
@@ -219,7 +219,7 @@ def _inputs(command: str, given: list[Any], shared: Keyed) -> Iterator[CommandIn
 
 
 _FORMS = package_table(__file__, "forms.toml")
-#: Command -> text of its button, forms of its result and of its Python lines, and its inputs.
+#: Command -> its table in ``forms.toml`` (text of the button, forms of result and Python lines), and its inputs.
 SIGNATURES = {
     command: form | {"inputs": list(_inputs(command, form["inputs"], _FORMS["shared"]))}
     for command, form in _FORMS.items()

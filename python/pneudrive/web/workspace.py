@@ -113,7 +113,7 @@ class Workspace:
         return place
 
     def folder(self, name: str) -> Path:
-        """Return the path of a folder, or of a file of any kind, from its name. Links must stay inside.
+        """Return the path of a folder, or of a file of any kind, from its name. Links must not lead outside.
 
         Raises
         ------
@@ -129,7 +129,7 @@ class Workspace:
         raise CommandError.of("web.refused", name=str(name)[:80])
 
     def check_named(self, name: str, tables: dict[str, Any]) -> None:
-        """Reject a description that names a file outside the workspace. Names are relative to its folder."""
+        """Reject a description that names a file outside the workspace. Such names are relative to the description."""
         from pneudrive.describe.files.toml import leaves
         from pneudrive.describe.formulas import FILE_PREFIX
 
@@ -253,7 +253,7 @@ def last_lines(path: Path, most_bytes: int) -> list[str]:
 
 
 def new_token() -> str:
-    """Return a new secret, of one run of the server or of one report."""
+    """Return a new secret for a run of the server, or for a report."""
     return secrets.token_urlsafe(TOKEN_BYTES)
 
 
@@ -314,7 +314,7 @@ def forget_unused(folder: Path) -> None:
 
 @cache
 def log_folder() -> Path:
-    """Return a new folder for logs of jobs that only this user can open. It is removed when Python ends."""
+    """Return a new folder for logs of jobs; only this user can open it. The folder is removed when Python ends."""
     folder = tempfile.mkdtemp(prefix="pneudrive-")
     atexit.register(shutil.rmtree, folder, ignore_errors=True)
     return Path(folder).resolve()

@@ -192,7 +192,7 @@ def check(plan: Plan) -> tuple[str, ...]:
 
 
 def _alike(plan: Plan) -> list[list[Cycle]]:
-    """Group cycles with equal demands on the rig, such as repeats, in the order of their first cycles."""
+    """Group cycles with equal demands on the rig, such as repeats. Groups are in the order of their first cycles."""
     groups: dict[tuple, list[Cycle]] = {}
     for cycle in plan.cycles:
         demands = (cycle.kind, cycle.steps, cycle.speed_m_s, cycle.start_m, cycle.pressures_pa)
@@ -361,7 +361,7 @@ BASE_RATE_HZ = 100.0
 
 
 def cautions(plan: Plan) -> tuple[str, ...]:
-    """Return warnings: effects that a plan shows poorly or not at all, and notes on its rig, time and tables."""
+    """Return warnings: effects that a plan shows poorly or not at all, and notes on rig, time and unused tables."""
     texts = _TEXTS["cautions"]
     return tuple(texts[key].format(**values) for key, values in (*_of_samples(plan), *_of_design(plan)))
 
@@ -392,7 +392,7 @@ def _of_samples(plan: Plan) -> Iterator[Finding]:
 
 
 def _of_design(plan: Plan) -> Iterator[Finding]:
-    """Yield the effects that the design of a plan cannot separate, and notes on rig, time and tables of the plan."""
+    """Yield the effects that the design of a plan cannot separate, and notes on rig, time and unused tables."""
     protocol, allowed, ambient = plan.protocol, plan.allowed, plan.identity.ambient_pressure_pa
     if protocol.repeats < 2 and protocol.order.replicates < 2:
         yield "repeats", {}

@@ -22,7 +22,7 @@ from pneudrive.errors import DescriptionError, ProtocolError, nearest, wrong
 from pneudrive.files.bounds import within
 from pneudrive.rig.interface import Sampling
 
-#: Significant digits of the levels between the ends of a range. Four digits let the name of a level state it exactly.
+#: Significant digits of the levels between the ends of a range. The name of a level can state four digits exactly.
 DIGITS = 4
 SPACINGS = ("log", "linear")
 AMBIENT = units.Pressure(0.0, gauge=True)
@@ -140,7 +140,7 @@ class ListOf(Mark):
     sorts : bool
         Whether to store the values in ascending order, otherwise in the given order.
     only_list : bool
-        Whether a single value must be given as a list, too.
+        Whether even a single value must be given as a list.
     """
 
     mark: Mark

@@ -26,7 +26,7 @@ from pneudrive.rig import Changeable, Envelope, Identity, Reproducible, Rig, Rig
 from pneudrive.rig.interface import CHANNELS, JobThread, Move, Samples, as_json, closed_after, has_verbs
 from pneudrive.signals.recording import clipped, equal_runs, stuck_position, stuck_runs
 
-#: Longest time for a rig to come to rest before the campaign ends without it, s.
+#: Longest wait for a rig to come to rest, s. After this time, the campaign ends although the rig may still move.
 STOP_S = 30.0
 
 
@@ -218,7 +218,7 @@ def rig_error(error: BaseException) -> PneudriveError:
 IN_A_ROW = 3
 #: Fraction of the largest force below which an attempt may begin.
 RESUME_SHARE = 0.9
-#: Beginnings of the reasons that are no condition, but a failure of the rig.
+#: Beginnings of reasons that state a failure of the rig, not a condition that is not met.
 FAILURES = FAULT, NO_ANSWER = "fault of the rig", "the rig does not answer"
 
 
@@ -243,7 +243,7 @@ def broken_condition(bounds: Envelope, state: RigState) -> str:
 
 
 def broken_during(bounds: Envelope, samples: Samples, rig: Rig) -> str:
-    """Return the condition that the state or the latest samples of a running cycle violate. NaN violates none."""
+    """Return the condition that the state or the new samples of a running cycle violate. NaN violates no condition."""
     state = rig.state()
     if state.fault or (bounds.supply_pressure_pa > 0.0 and state.supply_pressure_pa < bounds.supply_pressure_pa):
         return broken_condition(bounds, state)
@@ -329,7 +329,7 @@ def _dropped(time: Array, step: Ints, cycle: Cycle) -> int:
     intervals = np.maximum(np.diff(time), 0.0)  # undefined if the clock jumps back
     if intervals.size < 2 * NEIGHBOURS:
         return 0
-    # Median of the intervals before or after each interval, whichever is longer: the rate may change between steps.
+    # The larger of the medians of the intervals before and after each interval: the rate may change between steps.
     padded = np.pad(intervals, NEIGHBOURS, mode="edge")
     medians = np.median(np.lib.stride_tricks.sliding_window_view(padded, NEIGHBOURS), axis=1)
     after = medians[NEIGHBOURS + 1 : NEIGHBOURS + 1 + intervals.size]

@@ -28,7 +28,7 @@ from pneudrive.campaign.storage.folder import CYCLES, LOG, Campaign, tidy, write
 from pneudrive.errors import CampaignError, ConnectionLostError, RigError
 from pneudrive.rig.interface import Rig, Samples
 
-#: Each is called with the name and the content of a document.
+#: Functions that are called with the name and the content of each document.
 Subscribers: TypeAlias = "Sequence[Callable[[str, dict], None]]"
 
 
@@ -122,8 +122,8 @@ class Documents:
 SAMPLE_BYTES, CYCLE_BYTES = 60, 100_000
 #: Errors of a lost or unresponsive connection. Up to Python 3.10, the three timeouts are different types.
 LOST = (ConnectionLostError, ConnectionError, TimeoutError, asyncio.TimeoutError, concurrent.futures.TimeoutError)
-#: Attempts at a cycle before the campaign ends, and cycles in a row with serious flags, because a sensor is broken
-#: (both assumed).
+#: Numbers after which the campaign ends: attempts at a cycle, and cycles in a row with serious flags, which show a
+#: broken sensor (both assumed).
 MOST_ATTEMPTS, MOST_BAD = 5, 3
 #: Results of a run without an error.
 DONE, ENDED = "done", "ended"

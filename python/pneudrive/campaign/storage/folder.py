@@ -94,7 +94,7 @@ def steps_from_motion(time_s: Array, position_m: Array, speed_m_s: float | None 
         resting[begin:end] = abs(position[end] - position[begin - 1]) < SAME_PLACE * max(noise, 1e-12)
     for begin, end in _runs(resting, True):  # rests that are only the mean speed of a reversal
         resting[begin:end] = time[end] - time[begin] > window_s
-    # A slow move reverses within less than a sample: the sign changes without a rest.
+    # At low speed, a reversal takes less than one sample: the sign changes without a rest.
     sign, moves = np.sign(speed), ~resting
     turns = (sign[1:] * sign[:-1] < 0) & moves[1:] & moves[:-1]
     starts[usable] = np.r_[0, turns | np.diff(resting)]
@@ -578,7 +578,8 @@ class Status(Shown):
 def status_of(folder: str | Path) -> Status:
     """Return the status of a campaign folder. The campaign may be running. Every file is checked by its checksum.
 
-    Files from other programs have no checksum. A note in `problems` counts them. `pneudrive characterise` checks them.
+    A note in `problems` counts the files from other programs, which have no checksum. `pneudrive characterise` checks
+    these files.
 
     Raises
     ------

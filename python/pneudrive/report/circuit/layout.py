@@ -219,7 +219,7 @@ def bounds(points: Iterable[Point], room: float = 0.0) -> Box:
 
 
 def _label(name: str, one: Component, box: Box, taken: set[str]) -> list[Shape]:
-    """Return the label of a component, on a side without ports: its name and its first required values."""
+    """Return the label of a component (name and first required values), on a side without ports."""
     given, values = one.plain(), []
     for parameter in one.entry["parameters"]:
         keys = flow_keys(one.entry, parameter["key"])
@@ -275,7 +275,7 @@ class Routes:
     Attributes
     ----------
     lines : list of dict
-        Steps of the line of each joint -> whether the step belongs to a pilot line.
+        For each joint: step of its line -> whether the step belongs to a pilot line.
     """
 
     def __init__(self, placed: Placed, joints: Sequence[Joint]) -> None:
@@ -286,7 +286,7 @@ class Routes:
         # Positions of the ports of each joint, and whether only a pilot line leads to a port.
         nets = [{placed[port.component].port(port.name): port.is_pilot for port in joint.ports} for joint in joints]
         self.pins = {point for net in nets for point in net}
-        # Short lines first; but of the rods below a platform the outermost first, so that they do not cross.
+        # Other lines come before rods, short ones first. Of the rods, long ones come first, so that they do not cross.
         is_rods = list(map(is_rod, joints))
         reaches = (high_x - low_x + high_y - low_y for low_x, low_y, high_x, high_y in map(bounds, nets))
         order = [(rod, -reach if rod else reach) for rod, reach in zip(is_rods, reaches, strict=True)]
@@ -502,7 +502,7 @@ def _ranks(wiring: Wiring, names: Sequence[str]) -> dict[str, int]:
 
 
 def _pulls(joints: Sequence[Joint], actuators: Mapping[str, str], above: Collection[str]) -> Pulls:
-    """Return, for each component, pairs of a port and a neighbouring port near which it is placed.
+    """Return, for each component, pairs of its port and of the neighbouring port near which it is placed.
 
     A component carried by actuators is placed above them, without moving the actuators apart.
     """

@@ -25,7 +25,7 @@ LEAST_WIDTH = 40.0  # modules, so that the notes below have room
 SAID = "Symbols after ISO 1219."
 LETTER = 0.6  # modules: width of a letter of the notes, rounded up
 
-#: Symbols of cylinders, modules: width of the barrel, distance from its left end to the piston, corners of the piston.
+#: Symbol of a cylinder, modules: width of the barrel, distance from its left end to the piston, corners of the piston.
 BARREL_WIDTH, PISTON_FROM = 12.0, 3.0
 PISTON = [(0.0, 0.0), (0.0, 4.0), (0.8, 4.0), (0.8, 0.0)]
 
@@ -90,7 +90,7 @@ def pistons(shapes: Sequence[Shape]) -> dict[str, PistonShapes]:
 
 
 def _moves(x: float, y: float) -> bool:
-    """Return whether a point of the symbol moves: at the piston's faces, or at its cushions and carriage."""
+    """Return whether a point of the symbol moves with the piston: on its faces, its cushions or its carriage."""
     return 2.9 < x < 3.9 or (0.9 < x < 5.3 and y > 0.5)
 
 

@@ -48,14 +48,14 @@ def _text(pattern: str, name: str, rule: str, remedy: str | None = None) -> Read
 
 
 ADDRESS = _text(rf"{SCHEME}://[^@]*", "an address", f"{SCHEME}://HOST:PORT, without user and password")
-#: A rig file may only name variables for passwords of rigs.
+#: Variable for a password. A rig file may only name variables that are for passwords of rigs.
 VARIABLE = _text(
     rf"{PREFIX}[^\n]*",
     "an environment variable for the password of a rig",
     f"a rig file may send only variables whose names begin with {PREFIX}",
     'Write password_env = "PNEUDRIVE_RIG_PASSWORD".',
 )
-#: A path is rejected, as it could lead to a private file.
+#: Name of a password file. A path is rejected, because it could lead to a private file.
 PASSWORD_FILE = _text(
     r"(?!~|\.\.|\.$)[^/\\]+",
     "the name of a password file",

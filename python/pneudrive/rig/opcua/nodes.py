@@ -4,7 +4,7 @@ The handshake uses only variables, so that every PLC can implement it:
 
 - A client writes verb and arguments of a command, then a new ``command.id``. The server sets ``answer.fault``, then
   ``answer.done`` to that id. Halt and stop are accepted at any time from any client, and end the running verb. Any
-  other verb is a fault while a verb runs, or while another client is in command.
+  other verb is answered with a fault while a verb runs, or while another client is in command.
 - Samples come in chunks through a ring of slots. The server writes a slot, its sequence number, then
   ``samples.written``. The client reads the slot and increments ``samples.acknowledged``. Only after this
   acknowledgement is the slot written again. ``answer.done`` follows the last chunk.

@@ -38,12 +38,12 @@ MOST_FAILED = 20  # reasons of failed runs that are sent
 MOST_EACH = 20_000  # runs whose values of a measure are sent
 TRUE = "True drive: factors of the described values, and values in SI."
 SLIDER = 4.0  # a gain's slider ranges from a quarter to four times its derived value
-#: Panels of a run: title, SI unit of the columns, unit and its size, columns with their labels.
+#: Panels of a run: title, displayed unit, size of this unit in SI, columns with their labels.
 _PANELS = package_table(__file__, "../panels.toml")["control"]
 
 
 class ControlRequest(PageRequest):
-    """A run under control, checked as far as possible without its drive.
+    """Request for a run under control. The fields that do not depend on the drive are already checked.
 
     Attributes
     ----------
@@ -52,7 +52,7 @@ class ControlRequest(PageRequest):
     law : str
         A key of `pneudrive.control.laws`, or a controller file of the workspace.
     gains : dict
-        Gain -> value, instead of the derived gain. Only if `law` is a key.
+        Gain -> value that replaces the derived value. Allowed only if `law` is a key.
     reference, setup, mismatch : str
         As for `pneudrive.control.run`. Files are in the workspace. An empty `mismatch` means no mismatch.
     seed : int
@@ -73,7 +73,7 @@ class ControlRequest(PageRequest):
     pixels: Pixels = 1000
 
     def run(self, workspace: Workspace, limit: RunLimit) -> tuple[Prepared, Run]:
-        """Run the drive under control. Return all inputs that determine the run, except its seed, and the run.
+        """Run the drive under control. Return the prepared inputs (all except the seed), and the run.
 
         Raises
         ------
@@ -281,7 +281,7 @@ def choices(workspace: Workspace, path: str) -> Plain:
 
 
 def _names(given: object, info: ValidationInfo) -> list[str]:
-    """Return names as a list. They must not contain commas, which separate names in commands."""
+    """Return names as a list. A name must not contain a comma, because commas separate names in commands."""
     each = [given] if isinstance(given, str) else given
     if not isinstance(each, list) or not each or not all(isinstance(name, str) and name.strip() for name in each):
         raise CommandError(f"{info.field_name} are missing", remedy="Choose at least one.")
@@ -295,7 +295,7 @@ Names = Annotated[list[str], BeforeValidator(_names)]
 
 
 class BenchmarkRequest(PageRequest):
-    """Request for a benchmark, from the page, or from the folder of the benchmark that is repeated."""
+    """Request for a benchmark, sent by the page or read from the folder of a benchmark that is to be repeated."""
 
     drive: StrictStr = ""
     laws: Names = Field(default_factory=list, validate_default=True)
@@ -352,7 +352,7 @@ def requested_comparison(
 
 
 def shown_card(workspace: Workspace, path: str, measure: str = "") -> Plain:
-    """Return the score card of a folder: a measure of each run and its medians, the assumed drive and the true drive.
+    """Return the score card of a folder: one measure of all runs with its medians, the assumed and the true drive.
 
     Raises
     ------

@@ -1,6 +1,6 @@
-"""View of a description: problems by line, values as fields, and drawing. Changes of its text. View of an FMU.
+"""View of a description (problems by line, values as fields, drawing), changes of its text, and view of an FMU.
 
-The changes are values, parts of the catalogue, and added, joined and removed components of a circuit.
+A change sets a value, inserts a part of the catalogue, or adds, joins or removes components of a circuit.
 """
 
 from __future__ import annotations
@@ -74,7 +74,7 @@ def checked_text(workspace: Workspace, path: str, text: str) -> Plain:
 
 def fields_of(described: Described) -> Plain:
     """Return the name, values, assumptions and commands of a description, and the initial sliders."""
-    # A part of a table before the whole of it: [load.spring] is a component, and the rest of [load] another.
+    # An inner table comes before its outer table: [load.spring] is one component, the rest of [load] is another.
     places, every = described.component_places, values_of(described)
     # Defaults that are valid only with other values, such as those of a missing cushion, are left out.
     logs = [one.key for one in every if one.key.endswith("dwell.growth") and one.value != "saturating"]
@@ -113,7 +113,7 @@ def _ends(key: str, end: str) -> bool:
 
 
 def field_of(one: DescribedValue) -> Plain:
-    """Return a value as a field of a form. A value with a number is also a slider."""
+    """Return a value as a field of a form. A numeric value is also a slider."""
     out = attributes_of(one, "key", "origin", "kind") | {"text": str(one.value)}
     found = _QUANTITY.fullmatch(one.value) if isinstance(one.value, str) else None
     if found:
@@ -157,7 +157,7 @@ def edited_as_asked(text: str, key: str, value: Value, unit: str | None = None) 
 
 
 def fitting_parts(workspace: Workspace, path: str, text: str, table: str, family: str) -> Plain:
-    """List name and title of the catalogue parts of a family whose values fit a table of a text."""
+    """List the catalogue parts of a family whose values fit a table of a text. Each part has a name and a title."""
     found = []
     for name, entry in entries().items():
         if entry.kind.startswith(f"{family}/"):
@@ -168,7 +168,7 @@ def fitting_parts(workspace: Workspace, path: str, text: str, table: str, family
 
 
 def with_part(text: str, table: str, part: str) -> Plain:
-    """Return a text with the values of a catalogue part in one of its tables. A custom stroke is kept.
+    """Return a text in which a table has the values of a catalogue part. A custom stroke is kept.
 
     Raises
     ------
@@ -228,7 +228,7 @@ def edited(text: str, key: str, value: str | float | Plain) -> str:
             file = file.removeprefix(FILE_PREFIX).strip()
             raise CommandError(f"{key} is set in {file}", remedy="Change it in that file.")
         if hasattr(at, "keys") and hasattr(at.get("value"), "keys"):
-            # { value = { a = ..., b = ... }, assumed = ... }: the origin is no longer that of every value
+            # { value = { a = ..., b = ... }, assumed = ... }: the origin no longer applies to all values
             above[name] = at["value"]
             at = above[name]
         if not hasattr(at, "keys"):
@@ -243,7 +243,7 @@ def edited(text: str, key: str, value: str | float | Plain) -> str:
 
 
 def _written_as(document: tomlkit.TOMLDocument, key: str) -> list[str]:
-    """Return the parts of a key as the text writes it, such as in the table of a component with `copies`."""
+    """Return the parts of a key as written in the text. For a copied component, this is the key of the original."""
     names = key.split(".")
     if names[0] != "components" or len(names) < 3:
         return names
@@ -412,7 +412,7 @@ class CircuitText:
         return found
 
     def add(self, kind: str, at: str) -> str:
-        """Add a component at a port and return its name. It is put into the line of this port if gas passes it."""
+        """Add a component at a port and return its name. A component with gas flow is put into the port's line."""
         if kind not in STARTERS:
             raise CommandError(f"{kind[:80]!r} cannot be added here", rule=", ".join(STARTERS))
         port = self._port(at)
@@ -444,7 +444,7 @@ class CircuitText:
         return name
 
     def _lines(self, port: Port) -> dict[int, list[int]]:
-        """Return the lines of a port: index of each chain, and indices of the components before the lines."""
+        """Return the lines of a port: index of a chain -> indices of the components before the lines."""
         lines = {}
         for number, chain in enumerate(map(str, self._chains)):
             gaps = enumerate(pairwise(self._ends(chain)))
@@ -488,7 +488,7 @@ class CircuitText:
             del self._chains[number]
 
     def remove(self, name: str) -> None:
-        """Remove a component. The lines at both sides of a component of two ports become one line."""
+        """Remove a component. If it has two ports, the lines at both ports become one line."""
         self.ports(name)
         for number in reversed(range(len(self._chains))):
             words = _words(self._chains[number])

@@ -1,4 +1,4 @@
-"""A run requested by the page and comparisons with it, its command and its Python lines.
+"""Request for a run and for comparisons with the run, and the shell and Python lines that repeat it.
 
 The comparisons are other drives and runs, a band of many members, p-V loops, an animation and an energy balance.
 """
@@ -60,7 +60,7 @@ def check_changes(changes: Plain) -> Plain:
     return changes
 
 
-#: Changed values that a page sends: dotted keys, with numbers and texts.
+#: Changed values that a page sends: dotted key -> number or text.
 Changes = Annotated[dict[str, Value], AfterValidator(check_changes)]
 
 
@@ -92,8 +92,8 @@ class RunRequest(PageRequest):
     changes : dict
         Dotted keys and values, in the form of `replace`.
     command : str or list of str
-        As for `pneudrive.simulate`, with a file by its name in the workspace. A list has a text for each valve of a
-        circuit.
+        As for `pneudrive.simulate`. A file is given by its name in the workspace. A list has one text for each valve of
+        a circuit.
     duration, rate, initial : str
         As for `pneudrive.simulate`. An empty `initial` is the default start.
     pixels : int
@@ -162,7 +162,7 @@ class RunRequest(PageRequest):
         return [line for line in each if line.strip()]
 
     def as_python(self, described: Described, number: str = "") -> str:
-        """Return the Python lines that make the same run. The variables of drive and run end with the given number."""
+        """Return the Python lines that make the same run. The names of the variables end with `number`."""
         lines = [f"drive{number} = pn.{type(described).__name__}.load({self.path!r})"]
         if self.changes:
             lines.append(f"drive{number} = drive{number}.replace({dict(self.changes)!r})")
@@ -185,7 +185,7 @@ def check_samples(samples: float) -> None:
 
 
 def _placed(command: str, workspace: Workspace) -> str:
-    """Return a command. If it is a file, return its path."""
+    """Return a command unchanged, or the path if the command is a file."""
     found = _FILE.fullmatch(command)
     return f"{found[1]}{workspace.path(found[2], COMMANDS)}" if found else command
 
@@ -216,7 +216,7 @@ def _described(workspace: Workspace, path: str, text: str | None) -> Described:
 
 
 def with_changes(described: Described, changes: Keyed) -> Described:
-    """Return a drive or a circuit with values that have passed `check_changes`.
+    """Return a drive or a circuit with changed values, which have passed `check_changes`.
 
     Raises
     ------
@@ -233,8 +233,8 @@ def with_changes(described: Described, changes: Keyed) -> Described:
 
 MOST_OTHERS = 7  # with the run itself, as many as there are line styles
 MEMBERS, BAND_SAMPLES = 200, 200  # samples of a band: its plot is about 400 pixels wide
-#: Relative tolerance of the members of a band. Compared with 1e-8, the edges of the band move by at most 0.3 pixels for
-#: each drive of the catalogue.
+#: Relative tolerance of the members of a band. For each drive of the catalogue, the edges of the band differ by at most
+#: 0.3 pixels from those at a tolerance of 1e-8.
 BAND_RTOL = 1e-4
 BAND = (0.05, 0.95)  # quantiles of the members at the edges of the band
 MOST_BAND_SECONDS = 10.0  # time for a band or an energy balance, s: the first one imports modules

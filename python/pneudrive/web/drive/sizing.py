@@ -96,7 +96,7 @@ def _candidate(drive: SizedDrive, place: int | None, file: str) -> Plain:
         rows.append((name, factor * value, factor * limit, read, drive.margins[name], ends))
     air = _scaled(drive.intervals.get("air"), ANR_LITRES_PER_KG)
     rows.append(("air of a cycle", drive.air_litres_anr, None, "l ANR", None, air))
-    # The load ratio has the interval of the stroke with the larger one.
+    # The load ratio gets the interval of the stroke with the larger load ratio.
     ratios = [drive.intervals[name] for name in ("load_ratio_out", "load_ratio_back") if name in drive.intervals]
     if ratio := max(ratios, key=lambda ends: ends[1], default=None):
         rows.append(("load ratio", 100.0 * ratio[1], 100.0, "%", 1.0 - ratio[1], _scaled(ratio, 100.0)))

@@ -63,7 +63,7 @@ def planned(workspace: Workspace, protocol: object = None) -> Plain:
     Raises
     ------
     CommandError, ProtocolError
-        As for `campaign_job`, or a cycle of the plan breaks a limit of the rig.
+        As for `requested_campaign`, or a cycle of the plan breaks a limit of the rig.
     """
     from pneudrive.campaign.planning.plan import show
     from pneudrive.cli.campaign import plan_of

@@ -149,8 +149,8 @@ def map_slice(workspace: Workspace, path: str, fit: str, speed: Literal["all"] |
     fit : str
         Name of the fit, next to the map, whose curves are drawn.
     speed : float or "all"
-        Speed in m/s. Points within `NEAR` of it are used. "all": all points are used, with curves at a seal's mean
-        speed.
+        Speed in m/s; only points within `NEAR` of this speed are used. "all": all points are used, and a curve is drawn
+        at the mean speed of the assembly.
 
     Raises
     ------
@@ -209,7 +209,7 @@ def _points(table: xr.Dataset, rows: Ints) -> list[Plain]:
 
 
 def behind_fit(workspace: Workspace, path: str) -> Plain:
-    """Return details of a fit as a view with figures: confidence ellipses, and residuals and profiles if it has a map.
+    """Return details of a fit as a view: confidence ellipses; if its map exists, also residuals and profiles.
 
     Raises
     ------
@@ -251,7 +251,7 @@ def behind_fit(workspace: Workspace, path: str) -> Plain:
 
 
 def _axis(fit: AnyFit, name: str) -> tuple[float, Axis]:
-    """Return the size of the usual unit of a value, and the axis of the value in this unit."""
+    """Return the size in SI of the unit in which a value is shown, and the axis in this unit."""
     size, unit = readable(fit.units[name])
     return size, Axis(name if unit in ("", "1") else f"{name} / {unit}", is_si=False)
 

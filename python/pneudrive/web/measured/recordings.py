@@ -161,7 +161,7 @@ class Recordings:
         return found
 
     def need(self, name: str) -> OpenRecording:
-        """Return a recording, once it has been read.
+        """Return a recording that has already been read.
 
         Raises
         ------
@@ -228,7 +228,7 @@ class ViewRequest(PageRequest):
 
 
 def shown_recording(workspace: Workspace, path: str) -> Plain:
-    """Open a recording, or report the progress of its reading or its errors; the file may be incomplete."""
+    """Open a recording, which may be incomplete. Until it is read, report progress or errors of the reading."""
     file = workspace.path(path, TABLES)
     try:
         reading = workspace.state(Recordings).opened(path)
@@ -248,9 +248,9 @@ def shown_recording(workspace: Workspace, path: str) -> Plain:
 
 
 def shown_window(workspace: Workspace, request: ViewRequest, path: str, key: str, number: object = None) -> bytes:
-    """Return a view of a recording as a frame, or None if the recording does not have the requested key.
+    """Return a view of a recording as a frame; the frame is empty if the recording does not have the requested key.
 
-    If the recording has changed, its times and channels would not match those in the page.
+    A recording with another key has changed: its times and channels would not match those in the page.
     """
     head: Plain = {"number": number, "path": path, "key": None}
     recordings = workspace.state(Recordings)
@@ -345,7 +345,7 @@ def measured(
     beside: StrictStr,
     shift: FiniteFloat,
 ) -> Plain:
-    """Return the channels of a recording at the samples nearest to two times, also of another recording.
+    """Return the channels of a recording, and of another one if given, at the samples nearest to two times.
 
     Values of the other recording have the units and the clock of the first.
 

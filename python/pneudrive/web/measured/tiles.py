@@ -99,7 +99,7 @@ class Pyramid:
         return cls(tuple(names), count, time, low, high, missing, fall)
 
     def save(self, folder: Path) -> None:
-        """Write the blocks into a folder. The folder is valid only with the last file."""
+        """Write the blocks into a folder. The folder becomes valid when the last file is written."""
         folder.mkdir(parents=True, exist_ok=True)
         for name in _FILES:
             np.save(folder / f"{name}.npy", getattr(self, name))
@@ -109,7 +109,7 @@ class Pyramid:
 
     @classmethod
     def open(cls, folder: Path) -> Pyramid | None:
-        """Open the files of `save` without reading them. None if they are missing or incomplete."""
+        """Open the files of `save` without reading them. Return None if files are missing or incomplete."""
         try:
             about = json.loads((folder / "pyramid.json").read_text(encoding="utf-8"))
             arrays = {name: np.load(folder / f"{name}.npy", mmap_mode="r") for name in _FILES}
@@ -126,8 +126,8 @@ class Pyramid:
     ) -> tuple[Array, Columns, Plain]:
         """Return a view of at most two values for each pixel and channel, or the samples if they are fewer.
 
-        The view has times, the values of a line by channel, and counts: ``samples`` of the recording in the view,
-        ``missing`` values in it, and whether the values are the samples themselves (``raw``). NaN marks a gap.
+        The view has times, values by channel, and a table: number of ``samples`` in the view, number of ``missing``
+        values, and ``raw`` (whether the values are the samples themselves). NaN marks a gap.
 
         Parameters
         ----------
@@ -150,7 +150,7 @@ class Pyramid:
             missing = self.missing[places, first:last].sum(dtype=np.int64)
             about: Plain = {"missing": missing, "samples": rows[1] - rows[0], "raw": False}
         else:
-            # With one sample more, so that the line leaves the view also between two blocks.
+            # One more sample continues the line to the edge of a view that ends between two blocks.
             seconds, values = samples(channels, (rows[0], min(rows[1] + 1, self.count)))
             begin, end = np.searchsorted(seconds, span[0]), np.searchsorted(seconds, span[1], "right")
             missing = sum(np.isnan(own[begin:end]).sum() for own in values.values())
@@ -188,7 +188,7 @@ def _with_gaps(
     nothing = np.float32(np.nan)
     across = np.flatnonzero(ends - begins > PAUSE * width)
     before = np.flatnonzero(begins[1:] - ends[:-1] > PAUSE * width) + 1
-    # Places in the line where values are inserted: a gap, and for a pause inside a column the column again.
+    # Indices at which values are inserted: a gap; for a pause inside a column, a gap and the column again.
     at = np.concatenate([2 * before, np.repeat(2 * across + 2, 3)])
     middles = begins + 0.5 * np.minimum(ends - begins, width)
     again = np.column_stack([middles[across], ends[across], ends[across]]).ravel()
@@ -225,7 +225,7 @@ def drawn_columns(columns: Columns, pixels: int) -> Columns:
 
 
 def _edges(seconds: Array, span: Interval, pixels: int) -> Ints:
-    """Return the first sample of each pixel column, at increasing times; columns without a sample are left out."""
+    """Return the first sample of each pixel column, in order of time. Columns without a sample are left out."""
     wanted = np.searchsorted(seconds, np.linspace(*span, pixels + 1)[1:-1])
     edges = np.concatenate([[0], wanted, [len(seconds)]])
     return edges[np.diff(edges, prepend=-1) > 0]
