@@ -264,11 +264,11 @@ def _trial(
             return float("inf"), f"cannot run: {error.what}"
     reach, error_m = prepared.reference.reach(), told["score"]["max_error_m"]
     if told["score"]["lost"]:
-        return error_m, f"is lost (error {1e3 * error_m:.3g} mm)"
+        return error_m, f"loses the reference (error {1e3 * error_m:.3g} mm)"
     if any(event["kind"] == CYCLE for event in told["events"]):
         return error_m, "oscillates"
     misses = error_m > MOST * (reach.highest_m - reach.lowest_m)
-    return error_m, f"misses by {1e3 * error_m:.3g} mm" if misses else ""
+    return error_m, f"misses the reference by {1e3 * error_m:.3g} mm" if misses else ""
 
 
 def view_of_lag(drive: DriveOrCircuit, tuning: Tuning, setup: SetupOrFile) -> View | None:
