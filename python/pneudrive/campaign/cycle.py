@@ -90,7 +90,7 @@ class Head:
     started : str
         Date and time of the computer, ISO 8601 with zone.
     flags : dict
-        Counts of faults in the samples on arrival, see `pneudrive.campaign.running.attempt`.
+        Counts of faults that were found when the samples arrived, see `pneudrive.campaign.running.attempt`.
     memory : dict
         Snapshot from which a simulated rig continues.
     confirmed : dict

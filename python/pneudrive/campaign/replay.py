@@ -109,7 +109,7 @@ class ReplayRig:
         return self._identity
 
     def limits(self) -> Envelope:
-        """Return the limits of the rig file, otherwise those of the recorded rig."""
+        """Return the limits in the rig file; without them, return the limits of the recorded rig."""
         return self._limits
 
     def state(self) -> RigState:
@@ -246,7 +246,7 @@ class ReplayFile(RigFile):
 def load_replay(source: str | Path, seed: int, pace: float | None) -> ReplayRig:
     """Make a rig from a campaign folder, or from a rig file that names one.
 
-    The limits are those of the rig file, otherwise those of the original rig.
+    The limits come from the rig file. If it states no limits, they come from the recorded rig.
 
     Raises
     ------

@@ -221,9 +221,9 @@ def identify(
 ) -> None:
     r"""Identify the numbers of a drive or a circuit from recordings of its motion.
 
-    Ctrl-C keeps the best values so far. A file with a table [volume] describes a tank, whose line, heat
-    transfer and leak follow from its pressure. A file with a table [regulator] describes a pressure
-    regulator, whose gain and lag follow from command and pressure.
+    Ctrl-C keeps the best values so far. A file with a table [volume] describes a tank: line, heat
+    transfer and leak are identified from its pressure. A file with a table [regulator] describes a
+    pressure regulator: gain and lag are identified from command and pressure.
 
     Options
     -------
@@ -315,7 +315,7 @@ def validate(
     -------
     drive : DRIVE|FIT
         Drive file (TOML), catalogue:NAME, or fit of `pneudrive identify --out`, whose sensor zeros are then used.
-        Also a fit along motions or of a regulator. Verdicts use the recordings that were held out of the fit.
+        Fits along motions and of regulators are allowed. Verdicts use the recordings that were held out of the fit.
     recordings : RECORDING...|MAP|CAMPAIGN
         Recordings of the drive (time, command, position, both pressures), or one friction map or campaign.
     sensor : CHANNEL: KEY = VALUE, ...

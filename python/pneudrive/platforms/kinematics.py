@@ -491,7 +491,7 @@ AT_ONCE = 20_000
 
 
 def pose_columns(platform: Platform) -> list[list[str]]:
-    """Return the names of the columns of a run that contain the coordinates, their rates and their accelerations."""
+    """Return the names of the columns in a run for the coordinates, for their rates and for their accelerations."""
     out = []
     for lengths, tilts in (("m", "rad"), ("rate_m_s", "rate_rad_s"), ("acceleration_m_s2", "acceleration_rad_s2")):
         ends = np.where(platform.is_length, lengths, tilts)

@@ -341,7 +341,7 @@ def platform_view(platform: Platform) -> View:
 
 
 def platform_run_view(platform: Platform, columns: Columns) -> View:
-    """Return the ranges of the curves of a run, the drawing at its end, and its curves."""
+    """Return the view of a run: ranges of its curves, drawing of the platform at its end, and the curves."""
     found = {**columns, **platform_outputs(platform, columns)}
     rows, time = [], columns["time_s"]
     for label, each in _panels(platform, found):

@@ -369,7 +369,7 @@ def _values(found: Characterisation) -> Iterator[ShownValue]:
 
 
 def _effects(found: Characterisation) -> Iterator[ShownValue]:
-    """Yield the largest change of friction with pressure, the spread between runs, and the largest force zero."""
+    """Yield the largest effect of pressure on friction, the spread of runs, and the largest zero error of force."""
     if found.pressure_lines:
         line = max(found.pressure_lines, key=lambda line: abs(line.slope_n_pa))
         name = f"friction per pressure ({line.seal})"
@@ -423,7 +423,7 @@ def _is_one_chamber(fits: Sequence[ClosureFit]) -> bool:
 
 
 def closures(fits: Sequence[ClosureFit]) -> Figure:
-    """Draw half the sum of forces of all groups over pressure, or over the fitted half sum if both pressures changed.
+    """Draw the half sum of forces of each group over pressure, or over its fitted value if both pressures changed.
 
     Residuals are in a panel below. A line with as many parameters as points has no residuals.
     """
@@ -621,7 +621,7 @@ def write_report(
 
 
 def provenance(topic: Topic, found: Characterisation) -> Blocks:
-    """Show whether the data are real, the software, and the sources of the methods."""
+    """Show the software, the sources of the methods, and whether the data are real."""
     yield topic.text("synthetic" if found.synthetic else "real")
     yield topic.table([*page.software(), ("protocol of the characterisation", found.protocol)])
     yield from topic.listed(page.references(topic.texts["cites"]), "sources")

@@ -277,5 +277,5 @@ def _method(topic: Topic, found: SizingResult) -> page.Blocks:
 
 
 def _cited(found: SizingResult) -> tuple[str, ...]:
-    """Return the references of the values of the best choice."""
+    """Return the literature references for the values of the best choice."""
     return references(dict.fromkeys(key for one in values_of(found.circuit()) for key in _KEY.findall(one.origin)))

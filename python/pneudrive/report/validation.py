@@ -158,7 +158,7 @@ def _noise(topic: Topic, found: Validation) -> page.Blocks:
 
 
 def friction_view(found: FrictionValidation) -> View:
-    """Return the view of a friction law and measured friction: their agreement in total and for each condition."""
+    """Return the view of a friction law against measured friction: agreement in total and for each condition."""
     m, curves = found.metrics, found.curves
     leading = (
         ShownValue("fit", "", "fit", m.fit_percent, "%", limit=STATIC_FIT_PERCENT, state=MET[found.met]),

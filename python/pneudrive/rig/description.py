@@ -74,7 +74,7 @@ class AnalogSensor:
         ----------
         signal : ndarray
         rng : numpy.random.Generator or None
-            Generator of the noise; None: a mean of many samples, without noise.
+            Generator of the noise; None: no noise, as for the mean of many samples.
         drift : float or ndarray
             Drift of the zero.
         """

@@ -536,6 +536,6 @@ class JobThread:
         return future
 
     def close(self, wait_s: float = 0.0) -> None:
-        """End the thread after its last job, and wait for the end up to a given time."""
+        """End the thread after its last job. Wait for its end at most `wait_s` seconds."""
         self._jobs.put(None)
         self._thread.join(wait_s)

@@ -292,7 +292,7 @@ class Machine:
         return Past(commanded_m=self.d.tables.servo.margin, pressure_a_pa=ambient, pressure_b_pa=ambient)
 
     def motion(self, past: Past, step: Step) -> Motion | None:
-        """Plan the motion of a step from the present position. Return None without a motion."""
+        """Plan the motion of a step from the present position. Return None if the step has no motion."""
         at = past.commanded_m
         if isinstance(step, Hold):
             return dwell(step.duration_s, at) if step.duration_s > 0.0 else None
@@ -303,9 +303,9 @@ class Machine:
     def friction(self, past: Past) -> Plain:
         """Return the friction of the present step in the core's form.
 
-        As in a drive, run-in and temperature change Coulomb and breakaway force, while only temperature changes viscous
-        friction. Both effects are evaluated at the beginning of the step, which is assumed to be short compared with
-        the warming.
+        As in a drive, Coulomb and breakaway force depend on run-in and temperature. Viscous friction depends on
+        temperature only. Both effects are evaluated at the beginning of the step, which is assumed to be short
+        compared with the warming.
         """
         d, thermal = self.d, self.d.tables.thermal
         table = core_friction(d, past.levels.get("mounting", RIGID))

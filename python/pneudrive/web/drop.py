@@ -94,7 +94,7 @@ def rename(workspace: Workspace, path: str, to: str) -> None:
 
 
 def with_own_layout(workspace: Workspace, path: str, text: str) -> Plain:
-    """Move a recording and its layout into a separate folder. Return its new name.
+    """Move a recording and its layout into a separate folder. Return the new name of the recording.
 
     A layout is valid for all recordings of its folder, so a recording of another rig needs another folder.
 

@@ -1,7 +1,7 @@
 """Requests of the page as models, shell and Python lines that repeat them, and answers: problems, data, frames.
 
-A frame consists of the length of its head (4 bytes, little-endian), the head (JSON), and arrays, each aligned to 8
-bytes, which the page reads in place.
+A frame consists of the length of its head (4 bytes, little-endian), the head (JSON), and arrays. Each array is aligned
+to 8 bytes, so that the page can read it in place.
 """
 
 from __future__ import annotations
@@ -170,8 +170,8 @@ def _door(name: str) -> tuple[Callable[..., Any], Mapping[str, Parameter], type[
 def answer_of(name: str, table: Keyed, known: Keyed, *, has_defaults: bool = False) -> Any:  # noqa: ANN401 - plain data, or a frame
     """Call the function of an address with the values of a request.
 
-    The parameters of the function define the request. The server provides those in
-    `OF_SERVER`, of which ``given`` is the whole request. All others are validated by their annotations.
+    The parameters of the function define the request. The server provides the parameters in
+    `OF_SERVER`; ``given`` is the whole request. All other parameters are validated by their annotations.
 
     Parameters
     ----------

@@ -83,9 +83,9 @@ class Attempts:
         Parameters
         ----------
         job : callable
-            Takes the rig.
+            Function of the rig.
         moves : bool
-            Whether the axis may move, or the pressure change.
+            Whether the job may move the axis or change the pressure.
         """
         self._interrupted.clear()
         self._at_rest = self._at_rest and not moves
@@ -223,7 +223,7 @@ FAILURES = FAULT, NO_ANSWER = "fault of the rig", "the rig does not answer"
 
 
 def broken_condition(bounds: Envelope, state: RigState) -> str:
-    """Return the condition for measuring that is not met, in words; empty if all are met.
+    """Return, in words, a condition for measuring that is not met; empty if all are met.
 
     NaN does not meet a condition. The largest force is that at which a cycle is abandoned, to protect sensor and rig.
     """

@@ -548,7 +548,7 @@ def _order(
 
 
 def _apart(want: Sequence[float], extents: Sequence[Interval], gap: float) -> list[int]:
-    """Return positions, in this order, that keep the blocks apart and are nearest to `want` (least squares)."""
+    """Return positions that keep the blocks apart in this order, and are nearest to `want` (least squares)."""
     from scipy.optimize import isotonic_regression
 
     offsets = [0.0]

@@ -182,7 +182,7 @@ class Protection:
         return User(role=UserRole.User) if admitted else None
 
     async def validate(self, certificate: x509.Certificate, application: Any) -> None:  # noqa: ANN401 - asyncua's
-        """Check that the certificate of a client is trusted and has valid dates and the right application."""
+        """Check that the certificate of a client is trusted, is valid today, and names the right application."""
         if certificate.public_bytes(Encoding.DER) not in self.trusted:
             raise ServiceError(ua.StatusCodes.BadCertificateUntrusted)
         await _validator(CertificateValidatorOptions.PEER_CLIENT).validate(certificate, application)

@@ -203,7 +203,7 @@ class OpcUaRig:
         return Samples(**dict(zip(SAMPLES.values(), columns, strict=True)))
 
     def _program(self, steps: Sequence[Step]) -> Plain:
-        """Return the steps as arrays for the nodes. Reject too many steps, and a known weight without its node."""
+        """Return the steps as arrays for the nodes. Reject too many steps, and a weight that has no node."""
         most = self._link.served["step.kind"].length or self._nodes.handshake.steps
         arrays = {name: [getattr(step, field, 0.0) for step in steps] for name, field in STEPS.items()}
         kinds = [HOLD | RELEASED * step.released | SHUT * step.shut if isinstance(step, Hold) else 0 for step in steps]

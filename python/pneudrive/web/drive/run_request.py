@@ -174,7 +174,7 @@ class RunRequest(PageRequest):
         return call(function, *values, initial=self.initial, **options)
 
     def stem(self) -> str:
-        """Return the first part of the names of files made from the description."""
+        """Return the first part of a file name, for files that are made from the description."""
         return re.sub(r"[^\w.-]+", "-", Path(self.path.rpartition(":")[2]).stem).lstrip("-") or "run"
 
 
@@ -545,7 +545,7 @@ def _run_answer(view: View, run: Run) -> Plain:
 
 
 def _reference(column: str) -> str:
-    """Return the column of the reference of a coordinate in a run under control."""
+    """Return the column with the reference of a coordinate, for a run under control."""
     name, _, unit = column.rpartition("_")
     return f"{name}_reference_{unit}"
 

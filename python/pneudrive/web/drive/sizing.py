@@ -1,4 +1,4 @@
-"""Tasks and their candidates for the page, from the text of a task and from the folder of its search."""
+"""Tasks and candidates for the page, read from the text of a task and from the folder of a search."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def checked_or_first(text: str | None = None) -> Plain:
 
 
 def shown_sizing(workspace: Workspace, path: str) -> Plain:
-    """Return a search from its folder: its task, the simulated candidates, and the ranking if it exists.
+    """Return a search from its folder: task, simulated candidates, and the ranking if it exists.
 
     If the search has just started and the folder is still empty, the answer is ``{"waits": True}``.
 

@@ -50,8 +50,8 @@ NEAR = 0.05  # speeds that differ by less, relatively, are one speed
 def fits_of(path: Path, fit_name: str, names: list[str]) -> tuple[dict[str, FrictionFit], str]:
     """Return the fit of each assembly, and reasons for missing fits.
 
-    For a map with several assemblies, the default name refers to the fit of each assembly. Any other file is the fit of
-    one seal, mounting or drive.
+    If a map has several assemblies, the default name stands for one file per assembly. Any other name is the fit of one
+    seal, mounting or drive.
     """
     files = {name: fit_file(name) for name in names if fit_name in (FIT, fit_file(name))}
     if len(names) == 1:
