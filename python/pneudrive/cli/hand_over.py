@@ -59,7 +59,7 @@ def export(
     actuator: bool = False,
     initial: str | None = None,
 ) -> None:
-    """Write a drive as an FMU or for C, or friction for another tool.
+    """Write a drive as an FMU or C library, or friction for another tool.
 
     Options
     -------

@@ -195,7 +195,7 @@ def compare(
 ) -> None:
     """Compare two campaigns, drives, circuits, fits, maps, runs, sizings or validations.
 
-    For two campaigns (such as new and worn seals), it writes report.html and comparison.toml.
+    For two campaigns (such as new and worn seals), report.html and comparison.toml are written.
     Two other results of one kind are compared value by value, in common units, and curve by curve.
 
     Options

@@ -530,7 +530,7 @@ def platform_outputs(platform: Platform, columns: Mapping[str, Array]) -> Column
     ----------
     platform : Platform
     columns : mapping
-        Columns of a run in SI, with the names of a file.
+        Columns of a run in SI, with the names that they have in a file.
 
     Returns
     -------

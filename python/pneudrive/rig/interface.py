@@ -530,7 +530,7 @@ class JobThread:
                 future.set_exception(error)
 
     def start(self, job: Callable[[], T]) -> Future[T]:
-        """Run a job after the previous one."""
+        """Run a job after the previous job."""
         future: Future[T] = Future()
         self._jobs.put((future, job))
         return future

@@ -584,7 +584,7 @@ class RigSession:
         return np.append(times, duration_s)
 
     def _ahead(self, run: _Run, step: Step, motion: Motion, times: Array) -> tuple[Past, Columns]:
-        """Run a step. Return the history before it, and the true signals.
+        """Run a step. Return the history before the step, and the true signals.
 
         During the step, no lock is held, so that other threads can stop or display the axis.
         """

@@ -78,7 +78,7 @@ class Attempts:
         self.homed = self._whole = False  # whether the axis is homed; whether the last cycle was completed
 
     def start(self, job: Callable[[Rig], Any], *, moves: bool = True) -> Future[Any]:
-        """Run a job on the rig's thread after the previous one.
+        """Run a job on the rig's thread after the previous job.
 
         Parameters
         ----------

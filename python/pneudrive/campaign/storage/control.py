@@ -343,8 +343,9 @@ class Requests:
 
     @contextmanager
     def signals(self) -> Iterator[None]:
-        """Turn signals into requests: Ctrl-C pauses after the cycle, a second Ctrl-C stops now; SIGTERM and SIGHUP end.
+        """Turn signals into requests.
 
+        Ctrl-C pauses after the cycle, and a second Ctrl-C stops the axis now. SIGTERM and SIGHUP end the campaign.
         Ctrl-Z pauses too, because a stopped process cannot control its axis. Ignored signals stay ignored (nohup).
         """
         if threading.current_thread() is not threading.main_thread():

@@ -6,8 +6,8 @@ The handshake uses only variables, so that every PLC can implement it:
   ``answer.done`` to that id. Halt and stop are accepted at any time from any client, and end the running verb. Any
   other verb is answered with a fault while a verb runs, or while another client is in command.
 - Samples come in chunks through a ring of slots. The server writes a slot, its sequence number, then
-  ``samples.written``. The client reads the slot and increments ``samples.acknowledged``. Only after this
-  acknowledgement is the slot written again. ``answer.done`` follows the last chunk.
+  ``samples.written``. The client reads the slot and increments ``samples.acknowledged``. The server
+  writes the slot again only after this acknowledgement. ``answer.done`` follows the last chunk.
 - Both sides increment their heartbeats, the client from its first command on. If the client's heartbeat stops, the
   server brings the axis to rest, releases the pressure, and increments ``heartbeat.stops``. The server accepts no
   command until the heartbeat has returned. A change of ``heartbeat.stops`` informs the client that its earlier commands
