@@ -1,4 +1,4 @@
-"""The compiled core: what `crates/python` offers. SI throughout, pressures absolute unless a name says gauge."""
+"""Compiled core, defined in `crates/python`. All values are in SI. Pressures are absolute unless a name says gauge."""
 
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Literal, NotRequired, TypedDict, final, type_check_only

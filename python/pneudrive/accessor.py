@@ -51,13 +51,13 @@ class Pneu:
         Returns
         -------
         xarray.Dataset
-            A new data set. Its variables have their unit in ``attrs["units"]``. `strokes`, and writers of files or
-            reports, require a run in SI.
+            A new data set. Its variables have their unit in ``attrs["units"]``. `strokes`, and functions that
+            write files or reports, require a run in SI.
 
         Raises
         ------
         CommandError
-            If no column has the quantity of a unit.
+            If no column can be converted to one of the units.
 
         Examples
         --------
@@ -75,7 +75,7 @@ class Pneu:
                 raise CommandError(f"the unit {unit!r} is not a string", remedy=remedy)
             found: dict[str, xr.DataArray] = {}
             for name, values in columns.items():
-                with suppress(DescriptionError):  # of another quantity
+                with suppress(DescriptionError):  # the column has another quantity
                     factor, offset = units.converter(unit, _si(values))
                     shown = (np.asarray(values) - offset) / factor
                     found[str(name)] = xr.DataArray(shown, dims=values.dims, attrs={**values.attrs, "units": unit})
@@ -169,7 +169,7 @@ class Pneu:
         -------
         list of StrokeNumbers
             In the order of time; see `pneudrive.datasheet.strokes`. Without ``attrs["command_steps"]``, the time of a
-            command step is uncertain by one sampling interval, which `begin_within` states.
+            command step is uncertain by one sampling interval (`begin_within`).
 
         Raises
         ------
@@ -235,7 +235,7 @@ class Pneu:
         Returns
         -------
         dict of str to UnitFloat
-            Energy in J by name, such as ``"cylinder: friction heat"``. It is integrated together with the motion.
+            Energies in J by name, such as ``"cylinder: friction heat"``, integrated together with the motion.
 
         Raises
         ------

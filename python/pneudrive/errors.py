@@ -25,10 +25,10 @@ if TYPE_CHECKING:
 _NOT_THE_CALLER = ("pneudrive", "pydantic")
 
 Wrong = TypeVar("Wrong", bound="PneudriveError")
-#: First words of a severe finding, which concerns danger to people, the machine or an order. Outputs never hide it.
+#: First words of severe findings: danger to people or the machine, or a reason not to order. Outputs never hide them.
 SEVERE = HAZARD, OPEN_CHECK, NOT_READY = "Hazard: ", "Open check: ", "Not ready to order: "
-MOST_SHOWN = 30  # further errors of one file in a message
-LONGEST_QUOTE, LONGEST_PART = 300, 800  # characters: what a file holds, and what we say about it
+MOST_SHOWN = 30  # largest number of further errors of one file in a message
+LONGEST_QUOTE, LONGEST_PART = 300, 800  # characters: of the quoted value, and of any other part of a message
 #: Control characters except the end of a line, and characters that reverse the direction of text.
 _HIDDEN = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200b-\u200f\u2028-\u202e\u2060-\u206f\ufeff\ud800-\udfff]")
 
@@ -66,7 +66,7 @@ def messages(package: str) -> dict[str, dict[str, str]]:
     return package_table(__file__, f"{package}/messages.toml")
 
 
-#: Parts of an error beside the problem itself.
+#: Parts of an error in addition to the description of the problem.
 DETAILS = ("where", "value", "rule", "remedy")
 
 
@@ -94,7 +94,7 @@ class PneudriveError(Exception):
         Hint: Give the bore.
     """
 
-    key: str | None = None  # dotted name of the wrong key, by which a reader of the file finds the line
+    key: str | None = None  # dotted name of the wrong key, with which the file reader finds the line
 
     def __init__(
         self,
@@ -194,7 +194,7 @@ class Problems:
         return otherwise
 
     def add(self, error: PneudriveError) -> None:
-        """Add an error and the errors that it contains. Errors that were added before are ignored."""
+        """Add an error and the errors that it contains. An error that was added before is ignored."""
         for one in error.each():
             one.others = ()
             self.found.setdefault((one.what, one.where), one)
@@ -226,18 +226,18 @@ def invalid(key: str, message: str, /, **values: object) -> DescriptionError:
 def within(
     error: DescriptionError, name: str, above: str = "", written: Callable[[str], str] = str
 ) -> DescriptionError:
-    """Return the errors of a table as errors of the table that contains this table.
+    """Convert errors of an inner table to errors of the outer table that contains it.
 
     Parameters
     ----------
     error : DescriptionError
         Error, with the errors that it contains.
     name : str
-        Key of the table, and its name in messages.
+        Key of the inner table, and its name in messages.
     above : str
         Prefix of the key. Messages do not show it.
     written : callable
-        Function that returns the key as the user wrote it, for the key of an error.
+        Function that converts the key of an error to the key that the user wrote.
     """
     out = []
     for one in error.each():
@@ -328,7 +328,7 @@ def nearest(name: str, choices: Iterable[str]) -> str:
 
 @contextmanager
 def naming(name: str, caught: ErrorKind = DescriptionError, kind: ErrorKind = CommandError) -> Iterator[None]:
-    """Put a name in front of the messages of the errors that the block raises.
+    """Put a name before the message of each error that the block raises.
 
     Raises
     ------

@@ -55,7 +55,7 @@ class Explorer:
         return self._base.replace(self.changes) if self.changes else self._base
 
     def simulate(self) -> xr.Dataset:
-        """Return the displayed run, as from `pneudrive.simulate`."""
+        """Return the displayed run in the form of `pneudrive.simulate`."""
         return simulate(self.drive, self._command, self._duration, initial=self._initial)
 
     def begin(self) -> Plain:
@@ -64,7 +64,7 @@ class Explorer:
         Raises
         ------
         CommandError
-            If the key of a slider is not the key of a number in the description.
+            If the key of a slider does not belong to a number in the description.
         """
         from pneudrive.web.drive.description import fields_of
 
@@ -175,7 +175,7 @@ def explore(
     Raises
     ------
     CommandError
-        If the key of a slider is not the key of a number in the description.
+        If the key of a slider does not belong to a number in the description.
 
     Examples
     --------

@@ -144,7 +144,7 @@ class Band:
 
 @dataclass(frozen=True)
 class Markers:
-    """Points with intervals from `low` to `high`. `joined` draws lines between them, `names` are their labels."""
+    """Points with intervals from `low` to `high`. `joined` draws lines between the points, and `names` labels them."""
 
     x: Numbers
     y: Numbers
@@ -186,7 +186,7 @@ class Bars:
 
 @dataclass(frozen=True)
 class PenStroke:
-    """A line, an area with `fill`, an arrow with `head`, or a text, in the coordinates of its drawing.
+    """A line, an area (if `fill` is set), an arrow (if `head` is set) or a text, in the coordinates of its drawing.
 
     Attributes
     ----------

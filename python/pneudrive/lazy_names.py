@@ -89,7 +89,7 @@ def used_later(importer: str) -> Iterator[None]:
 
 @contextmanager
 def _imports(importer: str, answer: Callable[[str, Sequence[str]], SimpleNamespace]) -> Iterator[None]:
-    """Replace each ``from module import names`` in the block of one module by the result of `answer`."""
+    """Replace each ``from module import names`` in the block of module `importer` by the result of `answer`."""
     with _LOCK:
         usual = builtins.__import__
 

@@ -1,8 +1,8 @@
 """Code of users, and the rule that decides whether it may run.
 
 Code runs only if the user names it in the command or call. A file (a campaign folder, a description) may name the code
-that was used, but pneudrive never runs it for that reason. The user must name the code again, or allow it by the
-SHA-256 of its file.
+that was used, but pneudrive does not run code only because a file names it. The user must name the code again, or
+allow it by the SHA-256 of its file.
 """
 
 from __future__ import annotations
@@ -86,8 +86,8 @@ def load_allowed(
     Raises
     ------
     PneudriveError
-        As for `load`, or if the code is not allowed, has changed, or is not a file. Modules next to the file are not
-        imported, because their hash is not checked.
+        As for `load`; also if the code is not allowed, has changed, or is not in a file. Modules next to the file are
+        not imported, because their hash is not checked.
     """
     module, _ = split(source) or (source, "")
     there = sha256(source)
@@ -133,7 +133,7 @@ def _from_file(file: str, expected: str | None, kind: ErrorKind) -> ModuleType:
     module.__file__ = str(path)
     sys.modules[path.stem] = module  # dataclasses look up their module there
     folder = str(path.resolve().parent)
-    if expected is None and folder not in sys.path:  # as for a script: modules beside it can be imported
+    if expected is None and folder not in sys.path:  # as for a script: modules in its folder can be imported
         sys.path.insert(0, folder)
     exec(compile(data, str(path), "exec", dont_inherit=True), vars(module))
     return module

@@ -1,7 +1,7 @@
 """Display of results and descriptions, as a short table, at the Python prompt and in a notebook.
 
-A class derives from `Shown` and provides a `Card`. In a notebook, a picture is shown above the card, if the class has
-one. Long content is cut, and the card states the number of omitted rows. Severe findings are never cut.
+A class derives from `Shown` and provides a `Card`. If a class has a picture, a notebook shows it
+above the card. Long content is cut, and the card states the number of omitted rows. Severe findings are never cut.
 """
 
 from __future__ import annotations
@@ -87,7 +87,7 @@ def brief(value: object) -> str:
             return ", ".join(map(brief, value))
         kinds = {type(one).__name__ for one in islice(value, MOST_ENTRIES)}
         return f"{len(value)} {' or '.join(sorted(kinds))}"
-    named = type(value).__str__ is object.__str__ and not isinstance(value, int)  # an int has no ``str`` of its own
+    named = type(value).__str__ is object.__str__ and not isinstance(value, int)  # int does not define ``__str__``
     return type(value).__name__ if named else str(value)
 
 

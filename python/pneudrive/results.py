@@ -53,14 +53,14 @@ from pneudrive.views import ShownCurve, ShownValue, View, Viewed
 
 #: Column -> kind of the table with this column.
 _MARKS = {"law": "comparison of controllers", "friction_n": "friction map", "time_s": "run", "member": "ensemble"}
-MOST_PANELS, POINTS = 4, 61  # curves in a figure; places of a fitted curve
+MOST_PANELS, POINTS = 4, 61  # pairs of curves in a figure; points of a fitted curve
 COMPARED = (Look("black"), Look("orange", "--", "s"))  # looks of both results
 ONE_SIDED = " The differences contain the force sensor's zero error; the intervals contain its estimate from the maps."
 APART = " The laws are not compared: the maps have no common speed and pressures. Measure both at the same levels."
-SHOWN_PLACES = 5  # of a curve in a table
+SHOWN_PLACES = 5  # points of a curve in a table
 JOINT = 1.5  # factor from a band of 95 % at one place to that of about 17 places together (Bonferroni)
-SAME_PA = 1.0  # rounding of a pressure
-SAME_LEVEL = 0.05  # ratio of the difference of speeds of one level to the speed
+SAME_PA = 1.0  # difference of two pressures that is only rounding
+SAME_LEVEL = 0.05  # largest relative difference of two speeds of the same level
 NARROW = 3.0  # ratio of speeds below which friction fits are compared over the pressure
 _NUMBER = re.compile(r"([-+]?\d[\d.]*(?:e[-+]?\d+)?)(?: (.+))?")
 
@@ -101,7 +101,7 @@ class StoredResult(Viewed):
             ) from None
 
     def _run_of(self, number: int) -> Columns | None:
-        """Return the columns of the run of a record of a validation; None if its file is missing."""
+        """Return the columns of the run in a validation record; None if the file of the run is missing."""
         names = [name if run == "" else f"{run}.{name}" for run in ("", "free", "restarted") for name in CHANNELS]
         path = self.path.parent / self.content["record"][number].get("run", "")
         return read_columns(path, ["time_s", *names]) if path.is_file() else None
@@ -199,7 +199,7 @@ def _load_toml(path: Path) -> Any:  # noqa: ANN401
         return StoredResult("validation", path, tables)
     kind = kind_of_toml(path)
     if kind == "other" and "kind" not in tables and {"drive", "friction"} & tables.keys():
-        kind = "drive"  # an incomplete one, whose message names what is missing
+        kind = "drive"  # an incomplete drive file: its message names the missing tables
     return _READERS.get(kind, read_fit)(path)
 
 
@@ -245,7 +245,7 @@ def _curve(
 
 
 def _fit_pairs(before: FrictionFit, after: FrictionFit) -> Iterator[CurvePair]:
-    """Yield the curves of both laws over the common range of speed, or of pressure if it was varied more than speed."""
+    """Yield the curves of both laws over the common range of speed, or of pressure if the pressure varies more."""
     low, high = common(before, after, "speed_m_s")
     (a, a_most), (b, b_most) = gauges = [common(before, after, f"gauge_{side}_pa") for side in "ab"]
     if low > high or any(least > most + SAME_PA for least, most in gauges):
@@ -258,7 +258,7 @@ def _fit_pairs(before: FrictionFit, after: FrictionFit) -> Iterator[CurvePair]:
         return
     speeds = np.geomspace(low, high, POINTS) if low < high else np.array([low])
     if not all("stribeck_velocity" in fit.determined for fit in (before, after) if fit.model.stribeck):
-        # Between the measured speeds, laws of this shape differ without a contradiction of the data.
+        # Between the measured speeds, laws of this shape can differ although both agree with the data.
         old, new = (fit.provenance.get("speed_levels_m_s", ()) for fit in (before, after))
         speeds = np.array([v for v in old if any(abs(v - w) < SAME_LEVEL * v for w in new)])
     for pair in dict.fromkeys(zip(*gauges, strict=True)):
@@ -276,7 +276,7 @@ def _law_pair(
 ) -> CurvePair:
     """Return the curves of two laws at the given speeds and gauge pressures, with bands and difference.
 
-    The fits are treated as independent. The band of the difference does not contain common errors of the sensors.
+    The fits are treated as independent. The band of the difference does not include sensor errors that both fits share.
     """
     laws = [fit.predict(*at) for fit in (before, after)]
     names = axes[0], "friction", axes[1], "N"
@@ -350,13 +350,13 @@ class ValuePair(NamedTuple):
     change: float | None
 
 
-#: A value of one result: as text with its unit, its 95 % interval, and in SI.
+#: A value of one result: text with unit, text of the 95 % interval, and number in SI.
 Compared: TypeAlias = tuple[str, str, float | None]
 NO_VALUE: Compared = ("", "", None)
 
 
 class CurvePair(NamedTuple):
-    """A curve of each of two results, and their difference (second - first) with its 95 % half band, in SI."""
+    """One curve from each of two results, and the difference (second - first) with its 95 % half band, in SI."""
 
     first: ShownCurve
     second: ShownCurve
@@ -445,7 +445,7 @@ class ResultComparison(Shown):
         return f"{next(filter(None, gaps), '')}{' and '.join(parts)} differ{single}{first}.{self.note}"
 
     def rows(self) -> list[tuple[str, ...]]:
-        """Return key, first value, its interval, second value, its interval, and change in percent of each pair."""
+        """Return for each pair: key, first value and interval, second value and interval, change in per cent."""
         return [
             (key, before, ends_before, after, ends_after, "" if change is None else f"{100 * change:+.3g}")
             for key, before, after, ends_before, ends_after, change in self.values
@@ -531,7 +531,7 @@ def compare_results(first: Any, second: Any, names: tuple[str, str] = ("before",
         change, unit = None, before.partition(" ")[2]
         if si_before is not None and si_after is not None:
             if unit and not after.endswith(f" {unit}"):
-                with suppress(DescriptionError):  # of another quantity, or words
+                with suppress(DescriptionError):  # another quantity, or words
                     after = in_unit(after, unit)
             if si_before != 0.0 and before.endswith(" abs") == after.endswith(" abs"):
                 change = (si_after - si_before) / abs(si_before)
@@ -557,7 +557,7 @@ def _values(result: Any, other: Any) -> dict[str, Compared]:  # noqa: ANN401 - a
         values: dict[str, Compared] = {}
         for described in values_of(result):
             key, value = described.key, str(described.value)
-            # The nominal flow, Kv or Cv of a path is compared as its conductance, if the other description states that.
+            # A nominal flow, Kv or Cv is compared as a conductance if the other description states a conductance.
             size = conductance_key(key)
             if size != key and size in keys:
                 name, _, last = size.removeprefix("components.").rpartition(".")  # flow_control.a is flow_control_a
@@ -568,7 +568,7 @@ def _values(result: Any, other: Any) -> dict[str, Compared]:  # noqa: ANN401 - a
         return values | {f"connection {each}": ("yes", "", None) for each in getattr(result, "connections", ())}
     view = view_of(result)
     rows = [row for row in view.rows if row.origin != "text"]
-    if isinstance(result, Fit):  # as its report: the intervals contain the errors of the sensors
+    if isinstance(result, Fit):  # as in the report of a fit: the intervals contain the sensor errors
         u = result.systematic
         about = {row.key: (float(row.value), row.interval) for row in rows if row.interval}
         wide = {key: whole_interval(*of, u.get(key, 0.0)) for key, of in about.items()}

@@ -30,7 +30,7 @@ HeadAndRows: TypeAlias = tuple[tuple[str, ...], list[tuple[str, ...]]]
 MOST_LEADING = 5
 _NUMBERS = {"", "–", "-", "+", *"0123456789"}  # first letters of a number in a table
 MOST_PICTURES = 3  # figures of a result that a notebook draws
-UNLIKE = 1.5  # ratio of an interval to twice its shorter half above which both ends are written
+UNLIKE = 1.5  # both ends are written if an interval is longer than this factor times twice its shorter half
 VALUE = "value"  # quantity of the values in a table with one column
 
 
@@ -56,7 +56,7 @@ class ShownValue:
     limit : float or None
         Limit of a leading value in SI. A comparison with ``==`` ignores limit and state.
     state : str
-        Whether a leading value keeps its limit.
+        Whether a leading value is within its limit.
     """
 
     key: str
@@ -219,7 +219,7 @@ class SentValue:
 
     @classmethod
     def of(cls, shown: ShownValue) -> SentValue:
-        """Return the value in the form for the data of a view."""
+        """Convert a value of a result to a value in the data of a view."""
         about = (shown.key, shown.label, shown.quantity, shown.value, shown.interval, shown.text, shown.usual_unit)
         return cls(*about, shown.origin, shown.limit_text, shown.state)
 
@@ -338,7 +338,7 @@ class View(Shown):
         for value in self.rows:
             of_column.setdefault(value.quantity, set()).add(value.usual_unit)
             labels.setdefault(value.label, {})[value.quantity] = value
-        # A column of one unit names it in its head, a column of several beside each value.
+        # A column with one unit shows it in the header. A column with several units shows them beside the values.
         common = {name: next(iter(units)) if len(units) == 1 else None for name, units in of_column.items()}
 
         def cell(values: dict[str, ShownValue], name: str) -> str:
@@ -414,7 +414,7 @@ class Viewed(Shown):
 
 
 class Reported(Viewed):
-    """Base of results whose report is a page with their view."""
+    """Base of results whose report is a page that shows their view."""
 
     def report(self, folder: str | Path) -> Path:
         """Write report.html, the page of the view, and its figures into an existing folder.

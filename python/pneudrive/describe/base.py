@@ -42,7 +42,7 @@ def key_of(name: str) -> str:
 
 
 _NO_TABLE, _NO_LIST = " is not a table", " is not a list"
-#: pydantic's type error -> what is wrong with the value.
+#: pydantic's type error -> description of the problem.
 _TYPES = {
     "string_type": " must be a text in quotes",
     "bool_type": " must be true or false",
@@ -56,13 +56,13 @@ _TYPES = {
 
 
 class Described(Shown, BaseModel):
-    """Base class of every description table. It is frozen, rejects unknown keys and gives one message for each error.
+    """Base class of all description tables. Tables are frozen, reject unknown keys and give one message for each error.
 
     A field is stored in SI under a name with its unit (``bore_m``). The attribute with the key of the file
     (``bore``) returns the same value as a quantity with a unit.
     """
 
-    #: pydantic builds the validator of a table at its first use, because a description uses few kinds of tables.
+    #: pydantic builds the validator of a table when the table is first used: a description uses few kinds of tables.
     model_config = ConfigDict(
         frozen=True, extra="forbid", arbitrary_types_allowed=True, alias_generator=key_of, defer_build=True
     )
@@ -135,7 +135,7 @@ class Described(Shown, BaseModel):
         seen: set[object] = set()
         for complaint in complaints:
             place = complaint["loc"]
-            field = place[:2] if place[1:] and isinstance(place[1], int) else place[:1]  # each of a list
+            field = place[:2] if place[1:] and isinstance(place[1], int) else place[:1]  # an entry of a list
             is_misspelt = complaint["type"] == "missing" and get_close_matches(str(field[0]), unknown, cutoff=0.5)
             if field in seen or is_misspelt:
                 continue
@@ -242,7 +242,7 @@ class Described(Shown, BaseModel):
         return Card(title, rows=rows)
 
     def entries(self, *, given: bool = False) -> Iterator[tuple[str, Any, Mark | None]]:
-        """Yield key, value and annotation of each field that is not None or empty, or only of the given fields."""
+        """Yield key, value and annotation of each field that is not None or empty. `given` selects given fields."""
         for name, field in type(self).model_fields.items():
             value = getattr(self, name)
             if value not in (None, (), {}) and (name in self.model_fields_set or not given):

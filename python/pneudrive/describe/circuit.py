@@ -52,7 +52,7 @@ STOP_KEYS = ("stiffness", "damping", "damping_depth")
 TABLES = ("supply", "valve", "cylinder", "friction", "load", "tubing", "flow_control")
 #: Chamber -> port of the valve that is connected to the chamber.
 CHAMBERS = {"a": "4", "b": "2"}
-#: Prefix of the sizes of a flow control's check valve.
+#: Prefix of the keys for the size of a flow control's check valve.
 _CHECK = "check_"
 _SAME = "assumed as large as that of the needle"
 
@@ -72,7 +72,7 @@ class Short:
     components : dict
         Tables of components by name.
     places : dict
-        Key of a circuit file -> its key in the short form; the longest match counts.
+        Key in a circuit file -> key in the short form. The longest matching key is used.
     chains : list of str
         Default connections that `connections` and `plugged` do not replace.
     """
@@ -110,7 +110,7 @@ class Short:
                         self.places[f"components.{name}.{NEEDLE}{size}"] = f"{where}.{size}"
         self.chains = _chains(self.components, data)
         connections = data.get("connections", ())
-        self._given = len(connections) if isinstance(connections, list | tuple) else 0  # before the default ones
+        self._given = len(connections) if isinstance(connections, list | tuple) else 0  # without default ones
 
     def _add(self, name: str, place: str, table: Plain) -> None:
         self.components[name] = table
@@ -158,7 +158,7 @@ def _flow_control(table: Keyed, where: str) -> Plain:
 
 
 def _tube(table: Keyed, where: str) -> Plain:
-    """Return the table of a tube, with its kind from the key `model`."""
+    """Return the table of a tube. The key `model` gives its kind."""
     out = dict(table)
     if "model" in out:
         model = out.pop("model")
@@ -173,7 +173,7 @@ def _tube(table: Keyed, where: str) -> Plain:
 _ENDS = ["valve", "cylinder"]
 #: Kind of a tube by its `model`.
 TUBES = {"auto": "tube/auto", "steady": "tube", "lumped": "tube/lumped", "distributed": "tube/distributed"}
-#: Table of lines -> name of its components, their kind, conversion of keys. The order is from the valve to the chamber.
+#: Table of a line -> first part of component names, kind, conversion of the table; in the order from valve to chamber.
 _LINES: dict[str, tuple[str, str, Any]] = {
     "tubing": ("tube", "tube", _tube),
     "flow_control": ("flow_control", "flow-control", _flow_control),
@@ -230,7 +230,7 @@ class Circuit(DescribedSystem):
     True
     """
 
-    #: Name of the kind of file, and prefix of component names in its keys.
+    #: Name of the kind of file, and prefix of component names in the keys of the file.
     file_kind: ClassVar[str] = "circuit"
     key_prefix: ClassVar[str] = "components."
     derived: ClassVar[tuple[str, ...]] = (*DescribedSystem.derived, "wiring", "start_names", "origin_of")
@@ -287,7 +287,7 @@ class Circuit(DescribedSystem):
     def dew_point_pressure_pa(self) -> float | None:
         """Absolute pressure in Pa to which the dew point of the gas refers; None without a dew point.
 
-        If the description does not state it, it is the highest pressure of the circuit's reservoirs.
+        If the description does not state this pressure, the highest pressure of the circuit's reservoirs is used.
         """
         ambient = self.ambient.pressure_pa
         holding = (one for one in self.components.values() if one.entry["ports"][0]["holds"] == "pressure")
@@ -371,7 +371,7 @@ class Circuit(DescribedSystem):
         """Components with a command, each with its switching positions or its electrical input (None if not given)."""
         return {name: one.command_input for name, one in self.components.items() if hasattr(one, COMMAND)}
 
-    #: Whether model errors are known: only those of a drive without lines.
+    #: Whether model errors are known. They are known only for a drive without lines.
     is_plain: ClassVar[bool] = False
 
     @property
@@ -410,7 +410,7 @@ class Circuit(DescribedSystem):
         for name, one in self.components.items():
             with problems.caught(), within_component(name, {}):
                 component: Plain = {"name": name} | one.core(self.ambient.pressure_pa)
-                if one.kind == "platform/linear-delta":  # its carriages have the same places in two poses
+                if one.kind == "platform/linear-delta":  # its carriages have the same positions in two poses
                     component["numbers"] = start_place(self.initial, name) | component["numbers"]
                 components.append(component)
         problems.tell()
@@ -446,7 +446,7 @@ class Circuit(DescribedSystem):
 
     @property
     def component_places(self) -> list[tuple[str, str]]:
-        """Key of each component in the circuit file, twice, in the form of `Drive.component_places`."""
+        """Pairs as in `Drive.component_places`: both entries are the key of the component in the circuit file."""
         return [(f"components.{name}", f"components.{name}") for name in self.components]
 
     @property
@@ -533,7 +533,7 @@ class Circuit(DescribedSystem):
 
     @property
     def joint_volumes(self) -> list[tuple[str, float]]:
-        """Gas joints whose volume belongs to no component: the first port of each, and the volume of its ports, m3."""
+        """Gas joints with a volume outside the components: first port of each joint, and volume of its ports in m3."""
         return self.system.compiled().joint_volumes
 
     @property
@@ -603,7 +603,7 @@ def _read_components(
     parts : dict
         Data of all components for the wiring, by name.
     templates : dict
-        Names of the copies, by name of their table. Such a table is not a component.
+        Names of the copies, by name of their table. A table with copies is not a component.
     """
     components: dict[str, Component] = {}
     parts: dict[str, Part] = {}

@@ -211,9 +211,9 @@ class Component(Described):
 def merge(base: Keyed, changes: Keyed, optional: str = "") -> Plain:
     """Merge changes over a description, table by table. Values retain their origins.
 
-    A changed flow size replaces that of the same flow path, even if it has another key, such as `kv`. Another friction
-    law removes the parameters of the old law, and a rodless cylinder has no rod. Sizes with and without the prefix
-    `optional` belong to the same flow path.
+    A new flow size replaces the old size of the same flow path, even under another key, such as `kv`. A new friction
+    law removes the parameters of the old law. The kind `rodless` removes the rod diameter. Sizes with and without the
+    prefix `optional` belong to the same flow path.
     """
     out = valve_flow.without_other_sizes(base, changes, optional)
     old, new = (sourced.plain(table.get("law")) for table in (base, changes))
@@ -243,7 +243,7 @@ def unusual_sizes(description: Described, usual: Mapping[str, Interval]) -> Iter
 
 
 def unusual(name: str, description: Described) -> list[str]:
-    """Return the sizes of a table outside their usual range, each with the name of the table and this range."""
+    """Return each size of a table outside its usual range, with the name of the table and the range."""
     return [f"{name}.{key} = {size}; {rule}" for key, size, _, rule in unusual_sizes(description, USUAL)]
 
 
@@ -358,7 +358,7 @@ def _size(key: str) -> Quantity:
 
 @lru_cache(maxsize=512)
 def component_class(kind: str, formula: ComponentFormula | None = None) -> type[Component]:
-    """Return the class of a kind of component. The parameters of a formula are further fields."""
+    """Return the class of a kind of component. The parameters of a formula become additional fields."""
     entry = component_kinds()[kind] if formula is None else formula.entry
     points = entry["points"]
     fields: Plain = {"kind": (Literal[kind], ...)}  # type: ignore[valid-type]
@@ -408,9 +408,9 @@ def component_class(kind: str, formula: ComponentFormula | None = None) -> type[
     return made
 
 
-#: Conversion of true and false of TOML to yes and no.
+#: Conversion of the TOML values true and false to yes and no.
 _TRUE_OR_FALSE = BeforeValidator(lambda given: ("no", "yes")[given] if isinstance(given, bool) else given)
-#: Kind of switching component -> its commands. Some also accept pulses, with any fraction as command.
+#: Kind of switching component -> its commands. Some kinds also accept pulses: their command can be any fraction.
 SWITCHED: dict[str, list[float]] = package_table(__file__, "switched.toml")
 _PULSES = "pwm_frequency"
 #: Keys of a spool.

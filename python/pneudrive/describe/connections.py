@@ -1,8 +1,8 @@
 """Connections between the components of a circuit: conversion of chains of ports to joints, and check of the joints.
 
-In `a -> b -> c`, a component with two ports is entered at its first port and left at its second. Exhausts and optional
-ports are skipped. Any other port must be named. `a.4 .. b.12` is a pilot line: the pressure of a.4 acts on port 12 of
-b, without flow.
+In `a -> b -> c`, the chain enters a component with two ports at the first port and leaves at the second. Exhausts and
+optional ports are skipped. Any other port must be named. `a.4 .. b.12` is a pilot line: the pressure of a.4 acts on
+port 12 of b, without flow.
 """
 
 from __future__ import annotations
@@ -74,7 +74,7 @@ class Joint:
 
     ports: list[Port] = field(default_factory=list)
     ambient: bool = False  # open to the ambient air
-    key: str = ""  # key of the connection that made it
+    key: str = ""  # key of the connection that made the joint
     is_refused: bool = False
 
     def __str__(self) -> str:
@@ -332,7 +332,7 @@ class Wiring:
     def _check(self) -> None:
         """Check the joints.
 
-        Gas that is not connected to a reservoir gives a warning, or an error if it is not connected to a volume either.
+        Gas without a reservoir gives a warning. Gas without a reservoir and without a volume gives an error.
         """
         for name in self.parts:
             ports = [port for port in self.ports(name) if port.is_single]

@@ -28,7 +28,7 @@ from pneudrive.errors import Problems, invalid, wrong
 from pneudrive.repr_tables import Card
 
 _FLOW_SHAPE = ("critical_pressure_ratio", "subsonic_index", "linear_above")
-#: Defaults without a source: results that use them say so.
+#: Defaults without a source. Results that depend on these defaults state this.
 _ASSUMED = {"cylinder": ("heat_transfer_scale",), "valve": _FLOW_SHAPE}
 
 

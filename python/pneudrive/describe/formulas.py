@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
     from pneudrive.arrays import Keyed, Plain
 
-#: Prefix of the name of a file with formulas, relative to the file that names it.
+#: Prefix of the path of a formula file. The path is relative to the file that contains the path.
 FILE_PREFIX = "file:"
 _SIDES = ("above", "at_least", "below", "at_most")
 
@@ -39,7 +39,7 @@ def _unit(given: object) -> str:
 
 
 class WrittenParameter(Described):
-    """Parameter of formulas: unit, bounds and default. Bounds and default without a unit are in that unit."""
+    """Parameter of formulas: unit, bounds and default. Bounds and default without a unit are in this unit."""
 
     unit: Annotated[str, Reads(_unit)] = Field(examples=["N"])
     above: Any = None
@@ -245,7 +245,7 @@ def core_entry(read: str, outputs: tuple[str, ...], *texts: str) -> Plain:
 LEVELS = ("coulomb", "breakaway", "viscous")
 OUTPUTS = ("force", "energy", "slip", "steady")
 GUIDE = "own-law.md"
-#: Units that the name of a state in a trajectory contains.
+#: Units of states whose default names in a trajectory contain the unit.
 _NAMED_UNITS = ("m", "m/s", "N", "s")
 #: Keys of the friction table that are not allowed as names of parameters.
 _TAKEN = ("law", "stribeck_shape", "elements", "evolution", *DEPENDENCES)
@@ -271,7 +271,7 @@ class FrictionLaw(Written):
     """Friction law written as formulas.
 
     A law is frozen. Formulas are texts, and all their quantities are in SI. They may contain parameters, states and
-    names of `let`. Further names are ``v`` (velocity), ``x`` (position), ``pressure_a`` and ``pressure_b`` (gauge), and
+    names in `let`. Further names are ``v`` (velocity), ``x`` (position), ``pressure_a`` and ``pressure_b`` (gauge), and
     ``pi``. `docs/guide/own-law.md` has the whole grammar.
 
     Parameters

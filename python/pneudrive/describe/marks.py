@@ -137,7 +137,7 @@ class Quantity(Mark):
                 raise DescriptionError(f"{given!r} is not a number", rule="a number without unit and quotes")
             try:
                 value = float(given)
-            except OverflowError:  # a whole number beyond all numbers with a fraction
+            except OverflowError:  # a whole number larger than any float
                 value = math.inf
             rule = "finite" if not math.isfinite(value) else self.bounds.broken(value)
             if rule:

@@ -1,4 +1,4 @@
-"""Systems: circuits of descriptions in the core's form, with names for their variables. Base of drives and circuits."""
+"""Circuits in the core's form with the names of their variables, and the base class of drives and circuits."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
     ShortNames = tuple[str, tuple[tuple[str, str], ...], bool]
 
-#: Component of a drive whose name is left out.
+#: Component whose name is left out in a drive's names of variables.
 PISTON = "cylinder"
 #: Names of a drive -> names of its circuit.
 DRIVE_NAMES = package_table(__file__, "drive_names.toml")
@@ -135,7 +135,7 @@ class DescribedSystem(DescribedFile):
     def _repr_html_(self) -> str:
         try:
             picture = upper("circuit_svg")(self)
-        except DescriptionError:  # a circuit that has no drawing still has its card
+        except DescriptionError:  # a circuit without a drawing still has a card
             picture = ""
         return picture + super()._repr_html_()
 
@@ -254,7 +254,7 @@ def values_of(described: DescribedSystem) -> list[DescribedValue]:
     }
     origins = described.origin_of
     identified = getattr(described, "provenance", None) or {}
-    # With the tables above each one. A custom law is a table where the defaults have its name.
+    # Also the keys of the tables that contain a given key: the defaults have a name where a custom law has a table.
     given = {one for key, _ in leaves(described.to_dict()) for one in above(key)}
     out = []
     for key, value in leaves(described.with_defaults()):

@@ -264,7 +264,7 @@ def read_text(text: str) -> Any:  # noqa: ANN401 - a distribution, an axis or a 
 
 #: Half the spacing of scipy's Sobol points (2^-30). The offset keeps points away from the faces of the cube.
 HALF_CELL = 2.0**-31
-#: Number of rows of a random design from one generator.
+#: Number of rows of a random design that one generator draws.
 BLOCK = 4096
 #: Number of rows that are checked together.
 CHECKED_ROWS = 65536
@@ -604,7 +604,7 @@ class EnsembleDesign(Shown):
                 for number, name in zip(variation.numbers, self.each, strict=False)
             }
         )
-        # Next to zero, a value itself is normal and not its logarithm: it is folded at zero.
+        # Close to zero, the value is normal instead of its logarithm. Negative values are folded at zero.
         errors = [self.fit.standard_errors.get(name, 0.0) for name in self.each]
         every = list(zip(find(start, self.names, shifts=True), errors, strict=True))
         near_zero = [np.isfinite(p.lower) and error > p.value - p.lower for p, error in every]

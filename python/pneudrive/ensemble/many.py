@@ -83,7 +83,7 @@ class EnsembleStudy:
     def about(self) -> Plain:
         """Return all inputs that determine the results, as plain data. Start values are written as text."""
         drive, start = self.variation.drive, self.variation.initial
-        start = drive.core_initial(start) if self.variation.is_circuit else start  # also that of a circuit file
+        start = drive.core_initial(start) if self.variation.is_circuit else start  # also of a circuit file
         return {
             "description_hash": drive.description_hash,
             "initial": {key: str(value) for key, value in start.items()},
@@ -250,7 +250,7 @@ Result = TypeVar("Result")
 
 #: Items sent to the workers per thread: one runs, the others wait on the worker.
 AHEAD = 3
-#: Interval of checks for workers, and longest time without a worker, s.
+#: Interval between checks for workers, and longest time without a worker, s.
 LOOK_S, NO_WORKER_S = 5.0, 300.0
 
 
@@ -370,7 +370,7 @@ class ChunkStore:
             shown = ", ".join(differ) or "study"
             raise CommandError.of("ensemble.other_study", where=str(path), folder=folder, differ=shown)
         self.chunks = study.chunks(begun["chunk_members"])
-        for unfinished in folder.glob(".pneudrive-*"):  # of a process that was killed while it wrote a chunk
+        for unfinished in folder.glob(".pneudrive-*"):  # left by a process that was killed while it wrote a chunk
             unfinished.unlink(missing_ok=True)
 
     def path(self, first: int) -> Path:
@@ -429,7 +429,7 @@ def run_study(
     chunk : int, optional
         Number of members of a chunk, without `store`.
     in_memory : bool
-        Whether to return the members. If false, the frame has no row.
+        Whether to return the members. If false, the frame has no rows.
 
     Raises
     ------
@@ -493,8 +493,8 @@ def simulate_many(
     ----------
     drive : Drive or Circuit
     command
-        One command for all members, as for `pneudrive.simulate` but not a function. Or a list with one command for
-        each member (``["0 s: 1", "0 s: 1, 0.2 s: -1"]``). An array has shape (n,) for constant commands, or (n,
+        One command for all members, or a list with one command for each member (``["0 s: 1", "0 s: 1, 0.2 s: -1"]``).
+        Forms are those of `pneudrive.simulate`, except functions. An array has shape (n,) for constant commands, or (n,
         entries, 2) for times in s and commands. For a circuit, give a dict from components to these forms, or a list of
         dicts. Members whose commands change at the same times run faster, because they are simulated together.
     duration : str, float, or a list or array of them
@@ -523,7 +523,7 @@ def simulate_many(
         - a series: ``"samples(position, 100 Hz)"``, by default 1 kHz;
         - a function of sampled signals, see `pneudrive.ensemble.own`.
 
-        A name for the output may precede it: ``"top = max(velocity)"``.
+        A name may precede the output: ``"top = max(velocity)"``.
     initial : Initial, dict or str, or a list of them, optional
         Start state of all members, or one for each, with the same keys. Missing values follow from the stroke and the
         ambient air of the member.

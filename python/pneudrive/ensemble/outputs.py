@@ -1,4 +1,4 @@
-"""Commands and durations of the members, and outputs of each run: a number or samples of its signals."""
+"""Commands and durations of the members, and outputs of each run: numbers, or samples of signals."""
 
 from __future__ import annotations
 
@@ -215,12 +215,12 @@ def parted_starts(given: Any) -> tuple[Any, dict[str, list[Any]]]:  # noqa: ANN4
     return None, {key: [one[key] for one in each] for key in each[0]}
 
 
-# --- Outputs of each run: a number, or samples, of its signals.
+# --- Outputs of each run: numbers, or samples of signals.
 
 #: Default sampling rate of the signals for a user function, Hz.
 RATE_HZ = 1000.0
-RATE = "outputs: sampling rate"  # in messages
-#: End stop force above which the piston counts as in contact, N (assumed). The penetration is far below 1 nm.
+RATE = "outputs: sampling rate"  # name in messages
+#: End stop force, N, above which the piston counts as in contact (assumed); the penetration is then far below 1 nm.
 TOUCH_N = 1e-3
 #: Default outputs: these signals at the end of the run. The stroke time is added.
 STATE = ("position", "velocity", "pressure_a", "pressure_b", "temperature_a", "temperature_b")
@@ -338,8 +338,8 @@ class SignalNames:
     columns : sequence of str
         Columns of a trajectory's file.
     towards_b : bool or None
-        Whether the commands first move the piston towards the end of chamber b. None if they do not move it, or if the
-        members differ.
+        Whether the commands first move the piston towards the end of chamber b. None if the commands
+        do not move the piston, or if the members differ.
     states : sequence of str
         Signals whose final values are outputs by default.
     """
@@ -457,8 +457,9 @@ WORDS: dict[str, tuple[int, int, Callable[..., Reduction]]] = {
 
 
 def read_output(text: str, signals: SignalNames) -> Reduction:
-    """Read an output: ``"final(position)"``, ``"time_when(position > 0.45 m)"``, ``"stroke_time"``, also with a name in
-    front, ``"top = max(velocity)"``.
+    """Read an output, such as ``"final(position)"``. A name may precede it, ``"top = max(velocity)"``.
+
+    Other forms are ``"time_when(position > 0.45 m)"`` and ``"stroke_time"``; see `pneudrive.simulate_many`.
 
     Raises
     ------
@@ -469,7 +470,7 @@ def read_output(text: str, signals: SignalNames) -> Reduction:
     --------
     >>> read_output("top = max(velocity)", SignalNames(["velocity_m_s"])).name
     'top'
-    """  # noqa: D205
+    """
     name, equals, call = text.partition("=")
     name, call = (name.strip(), call) if equals and "(" not in name else ("", text)
     called = _CALL.fullmatch(call)

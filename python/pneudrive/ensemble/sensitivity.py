@@ -30,11 +30,11 @@ if TYPE_CHECKING:
     from pneudrive.ensemble.outputs import Output
     from pneudrive.simulation import command as commands
 
-#: Base points by default.
+#: Default number of base points.
 BASE_POINTS = 1024
 #: Nominal coverage of the bootstrap intervals.
 CONFIDENCE = 0.95
-#: Number of bootstrap resamples, and number that is evaluated together.
+#: Number of bootstrap resamples, and number of resamples that are evaluated together.
 RESAMPLES, TOGETHER = 1000, 50
 #: Variables of the result -> long name.
 LONG_NAMES = {
@@ -79,8 +79,8 @@ def sensitivity(
     -------
     xarray.Dataset
         Dimensions number and output. Variables ``first`` and ``total``, and their bounds ``first_interval`` and
-        ``total_interval`` (dimension end: lower, upper). ``used`` counts the base points of each output without missing
-        values. Indices of a constant output are NaN.
+        ``total_interval`` (dimension end: lower, upper). ``used`` counts, for each output, the base points without
+        missing values. Indices of a constant output are NaN.
 
     Warns
     -----
@@ -177,7 +177,7 @@ def sobol_indices(
     -------
     dict
         ``first`` and ``total``, shape (d, s), with ``first_interval`` and ``total_interval``, shape (2, d, s).
-        ``used``: number of base points of each output. Indices are NaN if an output does not vary or has fewer than 2
+        ``used``: number of base points for each output. Indices are NaN if an output does not vary or has fewer than 2
         base points.
     """
     d, s = points.shape[1], values.shape[1]
@@ -192,7 +192,7 @@ def sobol_indices(
         indices[..., k] = _indices(f)
         again = bootstrap(
             [np.arange(f.shape[1])],
-            lambda rows, axis, f=f: _indices(f[:, rows]),  # scipy asks for `axis`: it is the last one
+            lambda rows, axis, f=f: _indices(f[:, rows]),  # scipy requires the argument `axis`: the last axis
             n_resamples=resamples,
             batch=TOGETHER,
             method="percentile",
@@ -218,6 +218,6 @@ def _indices(f: Array) -> Array:
     """
     b = f[1] - f[:2].mean(axis=(0, -1))[..., None]
     moved = f[2:] - f[0]
-    with np.errstate(invalid="ignore", divide="ignore"):  # a resample that is all one point
+    with np.errstate(invalid="ignore", divide="ignore"):  # a resample can consist of a single point
         first, total = np.mean(b * moved, axis=-1), 0.5 * np.mean(moved**2, axis=-1)
         return np.stack([first, total]) / f[:2].var(axis=(0, -1))

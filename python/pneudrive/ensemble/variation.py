@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from pneudrive.free.parameters import DriveFamily, Parameter
 
 
-#: Name of a start value -> number of all members, or an array of one for each; SI.
+#: Name of a start value -> one number for all members, or an array with one number for each member; in SI.
 Starts: TypeAlias = dict[str, float | Array]
 #: Pairs of parameters of which the first must not exceed the second, by the ends of their names. Only the most critical
 #: row of a design is checked.
@@ -43,7 +43,7 @@ COUPLED = (
 )
 #: Parameters of the drive that determine the default start state.
 STARTS_FROM = ("cylinder.stroke", "ambient.pressure", "ambient.temperature")
-#: Relative step of varied numbers, absolute for a 0, to find whether other start values depend on these numbers.
+#: Step of varied numbers (relative; absolute for 0), to find other start values that depend on these numbers.
 NUDGE = 1e-3
 
 
@@ -51,7 +51,7 @@ def all_numbers(described: Drive | Circuit) -> dict[str, Parameter]:
     """Return every number of a drive or a circuit and of its start state that may vary, by name."""
     if described.system.names is None:
         return free.circuit_numbers(described.circuit)
-    starts = {key: mark for key, mark in Initial.marks().items() if key != "contact_age"}  # one for all
+    starts = {key: mark for key, mark in Initial.marks().items() if key != "contact_age"}  # the same for all members
     return free.numbers_of(described) | free.start_numbers(starts)
 
 
@@ -61,7 +61,7 @@ class CoreMembers(NamedTuple):
     Attributes
     ----------
     paths : list of str
-        Names in the core of the varied numbers, and of the numbers that depend on them.
+        Core names of the varied numbers, and of the numbers that depend on them.
     values : ndarray, shape (n, paths)
     starts : dict
         See `Starts`.
@@ -99,7 +99,7 @@ class Variation:
     def __init__(self, drive: Any, names: Sequence[str], initial: Any = None) -> None:  # noqa: ANN401
         self.drive = drive
         self.is_circuit = drive.system.names is None
-        #: Start state of all members as a table of a file; that of a drive is checked already.
+        #: Start state of all members in the form of a file. The start state of a drive is already checked.
         self.initial = dict(start_values(initial) if self.is_circuit else start_table(read_initial(initial)))
         known = all_numbers(drive)
         for name in names:
@@ -157,7 +157,7 @@ class Variation:
         """
         columns = self.columns(rows)
         extremes = [*rows.argmin(axis=0), *rows.argmax(axis=0)]
-        for name, (low, high) in product(columns, COUPLED):  # of one drive or component
+        for name, (low, high) in product(columns, COUPLED):  # both of one drive or component
             other = name.removesuffix(low) + high
             if f".{name}".endswith(f".{low}") and other in columns:
                 extremes.append((columns[name] / columns[other]).argmax())

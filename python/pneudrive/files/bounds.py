@@ -10,8 +10,8 @@ from pneudrive.errors import CommandError, ErrorKind, nearest, package_table
 VARIABLE = "PNEUDRIVE_BOUNDS"
 
 
-#: Largest allowed amount of each kind of input: value, unit and reason (ordinary use stays below it), and whether the
-#: user may raise it (by default yes).
+#: Largest allowed amount of each kind of input: value, unit, reason why ordinary use stays below the value, and whether
+#: the user may raise the value (by default yes).
 BOUNDS = package_table(__file__, "bounds.toml")
 
 

@@ -1,4 +1,4 @@
-"""Read bytes, text, JSON and CSV of pneudrive, and find the kind of a file, with one clear message for each error."""
+"""Read bytes, text, JSON and pneudrive's CSV, and recognise kinds of files, with one clear message for each error."""
 
 from __future__ import annotations
 
@@ -52,12 +52,12 @@ _TOKENS = re.compile(
 )
 _JSON_TOKENS = re.compile(r'"(?:\\.|[^"\\])*"?|[\[\]{}]', re.DOTALL)
 
-LARGEST_WHOLE = 2**63 - 1  # of TOML
+LARGEST_WHOLE = 2**63 - 1  # largest integer in TOML
 #: Suffix of a file -> its unpacking function.
 COMPRESSIONS: dict[str, Callable[[Path], object]] = {".gz": gzip.open, ".xz": lzma.open, ".bz2": bz2.open}
 PIECE = 1 << 22
-SMALL = 1e8  # bytes that every machine has: a small file of constants may unpack to more than the usual factor
-#: Whether a file or folder has this name. Unlike `Path.exists`, it is False for an invalid name, such as one too long.
+SMALL = 1e8  # bytes that every machine has; a small file of constants may exceed the usual unpacking factor
+#: Whether a file or folder has this name. Unlike `Path.exists`, the result is False for an invalid name.
 exists = os.path.exists
 
 
@@ -83,7 +83,7 @@ def read_bytes(path: Path, kind: ErrorKind, most: str = "text_bytes", folder: st
     try:
         if path.suffix not in COMPRESSIONS or size == 0:
             with path.open("rb") as file:
-                return file.read(size)  # a file that grows is read as it was
+                return file.read(size)  # if the file grows meanwhile, only its earlier size is read
         with cast("BinaryIO", COMPRESSIONS[path.suffix](path)) as file:
             while piece := file.read(PIECE):  # a file that unpacks to too much is rejected before it fills the memory
                 data += piece
@@ -127,7 +127,7 @@ def unreadable(path: Path, error: OSError | ValueError, kind: ErrorKind) -> Pneu
 
 
 def similar(path: Path) -> str | None:
-    """Return a question about a missing file with the most similar name in its folder; None without such a name."""
+    """Return a question that proposes the most similar name in the folder of a missing file; None without one."""
     close = get_close_matches(path.name, [one.name for one in path.parent.glob("*")], n=1, cutoff=0.8)
     return f"Did you mean {path.with_name(close[0])}?" if close else None
 

@@ -31,7 +31,7 @@ Columns = dict[str, NDArray[Any]]
 
 MEMORY_OF_SMALL = 500_000_000  # bytes that a small MAT file may take: some copies of `content.SMALL`
 UNIT_OF = "unit of "  # prefix of a column's name: key of its unit in the file's metadata
-LONGEST_REASON = 200  # characters of what a library says
+LONGEST_REASON = 200  # characters of a library message
 CLASSIC_NETCDF = b"CDF"  # first bytes of netCDF 3
 
 
@@ -167,7 +167,7 @@ def open_mat(path: Path) -> Opened:
     return names, lambda wanted, _: {name: flat[name] for name in wanted}, {}
 
 
-#: Format in the layout file -> its name in messages, and its opener.
+#: Format in the layout file -> name in messages, and function that opens a file.
 OPENERS: dict[str, tuple[str, Callable[[Path], Opened]]] = {
     "netcdf": ("netCDF", open_netcdf),
     "tdms": ("TDMS", open_tdms),

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 SEAL = "pneudrive-seal"
 BLANK = "0" * 64
 PARQUET = b"PAR1"
-MAPPED = 1 << 20  # bytes from which a file is mapped: a smaller one is read faster
+MAPPED = 1 << 20  # bytes from which a file is mapped: a smaller file is read faster without a map
 STRETCH = 1 << 24  # bytes of a mapped file that are hashed at a time
 TAIL = 8  # length of the footer and the mark of the format
 

@@ -40,7 +40,7 @@ Text = tuple[str | None, bool]
 Rows = tuple[int, int]
 #: Format in the layout file -> its name in messages.
 FORMATS = {"parquet": "Parquet"} | {form: name for form, (name, _) in formats.OPENERS.items()}
-MOST_PLACES = 100  # of a column of lists that become columns
+MOST_PLACES = 100  # largest length of lists that become columns
 OF_FILE = "the file of this row"  # name of an added column
 READERS = 2  # threads that read many files
 MOST_FILES, MOST_BYTES = 100, 1 << 24  # largest number of files in one batch, and of their bytes
@@ -144,7 +144,7 @@ class Table:
             frame = table.slice(first, min(end - first, most)).collect()
             check_unpacked(frame.height * width, size, RecordingError)
             texts = [int(column.str.len_bytes().sum()) for column in frame.iter_columns() if column.dtype == pl.String]
-            check_unpacked(sum(texts), size, RecordingError)  # a text may stand in the file once, for all rows
+            check_unpacked(sum(texts), size, RecordingError)  # the file may hold a text only once for all rows
             return {column.name: formats.plain(column.to_numpy()) for column in frame.iter_columns()}
 
 
@@ -165,7 +165,7 @@ class LibraryTable(Table):
 
 @contextlib.contextmanager
 def clear_errors(path: Path, kind: ErrorKind) -> Iterator[None]:
-    """Convert errors of polars about a Parquet file to errors of `kind`. Panics are not ordinary exceptions."""
+    """Convert errors and panics of polars about a Parquet file to errors of `kind`."""
     import polars as pl
 
     try:

@@ -94,7 +94,7 @@ def is_held(path: Path) -> bool:
     import fcntl
 
     try:
-        file = os.open(path, os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK)  # opening it does not block, whatever it is
+        file = os.open(path, os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK)  # does not block for any kind of file
     except OSError:
         return False
     try:

@@ -34,7 +34,7 @@ from pneudrive.simulation.trajectory import check_target, whole
 _UNITS = package_table(__file__, "units.toml")
 #: Unit -> exponents of base units.
 _KNOWN: dict[str, dict[str, int]] = _UNITS["exponents"]
-#: SI unit -> name of the displayed unit, and factor and offset from the SI unit to it.
+#: SI unit -> name of the displayed unit, and factor and offset of the conversion from SI.
 DISPLAYED: dict[str, tuple[str, float, float]] = _UNITS["displayed"]
 _ONE = re.compile(r"(?P<unit>[A-Za-z]+)(?:\^?(?P<power>-?\d+))?")
 
@@ -127,7 +127,7 @@ def compiled_files(plan: FmuPlan, version: str) -> tuple[str, ...]:
 # --- Content of an FMU from its description: its version, inputs, outputs and parameters.
 
 DESCRIPTION = "modelDescription.xml"
-MOST_BYTES = 16_000_000  # largest description; that of a drive has 0.1 MB
+MOST_BYTES = 16_000_000  # bytes of the largest description; a drive needs 0.1 MB
 _KINDS = ("CoSimulation", "ModelExchange")
 _SHOWN = ("input", "output", "parameter")
 
@@ -449,7 +449,7 @@ def export_c(drive: DriveOrCircuit, folder: str | Path, *, initial: StartState =
     ----------
     drive : Drive or Circuit
     folder : path-like
-        Created if it does not exist. Files with these names in it are replaced.
+        Created if it does not exist. Existing files with the names above are replaced.
     initial : Initial, dict or str, optional
         Start state, as for `pneudrive.simulate`.
 

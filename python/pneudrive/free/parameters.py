@@ -1,8 +1,8 @@
 """Numbers of a drive or a circuit that can be free parameters, and their names.
 
-Names of a drive are those of its file (``friction.coulomb``, ``cylinder.dead_volume.a``, ``valve.conductance``). Those
-of a circuit begin with the component (``left.friction.coulomb``). Values are in SI; pressures are absolute. Any number
-of the description can be free.
+In a drive, names are those of its file (``friction.coulomb``, ``cylinder.dead_volume.a``, ``valve.conductance``). In a
+circuit, names begin with the component (``left.friction.coulomb``). Values are in SI; pressures are absolute. Any
+number of the description can be free.
 """
 
 from __future__ import annotations
@@ -182,7 +182,7 @@ def numbers_of(described: DriveOrCircuit) -> dict[str, Parameter]:
 
 
 def with_shape(drive: Drive, names: Iterable[str]) -> Drive:
-    """Return a drive whose valve has the overlap and leakage that `names` contain, with assumed values if missing."""
+    """Return a drive whose valve has overlap and leakage if `names` contain them. Missing values are assumed."""
     shape = _NUMBERS["valve_shape"]
     lacking = [n for n in names if n in shape and getattr(drive.valve, n.removeprefix("valve.")) is None]
     return drive.replace({name: shape[name] for name in lacking}) if lacking else drive
@@ -198,7 +198,7 @@ def find(described: DriveOrCircuit, names: Sequence[str], *, shifts: bool = Fals
     CommandError
         A name is unknown or repeated, or runs have no derivative with respect to this number.
     """
-    elsewhere: set[str] = set()  # parameters of a drive's valve that only a circuit file has: the lag of the valve
+    elsewhere: set[str] = set()  # valve parameters that only a circuit file can have: the lag of the valve
     if described.system.names is not None:
         valve = cast("Drive", described).valve
         keys = {row["key"] for row in component_kinds()[f"valve/{valve.kind}"]["parameters"]}
@@ -288,7 +288,7 @@ class Derived:
     path : str
         Path in the circuit of the drive.
     sources : tuple of str
-        Paths of the values on which it depends. These may also be derived.
+        Paths of the values on which the derived value depends. These values may also be derived.
     value : callable
         Function that returns the derived value, from the values of `sources` in SI.
     digits : int or None
@@ -435,7 +435,7 @@ class DriveFamily:
         return json.dumps(self._form, sort_keys=True)
 
     def settle(self, values: Array) -> bool:
-        """Round derived values as a description does, and keep these constant. Return whether there are any."""
+        """Round derived values as a description does, and keep the rounded ones constant. Return whether any exist."""
         self._set(values)
         rounded = [one for one in self.moving if one.digits is not None]
         for one in rounded:
@@ -519,7 +519,7 @@ def circuit_numbers(circuit: Circuit) -> dict[str, Parameter]:
     return {p.name: p for p in found} | start_numbers(starts)
 
 
-# --- Exact derivatives of a trajectory by numbers of the drive: those of the numerical solution, including events.
+# --- Exact derivatives of the numerical solution with respect to numbers of the drive, including events.
 
 
 class Differentiator:

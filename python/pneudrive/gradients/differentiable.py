@@ -20,7 +20,7 @@ from pneudrive.simulation.session import DriveOrCircuit, StartState, start
 from pneudrive.simulation.simulate import positive
 
 WORDS = ("final", "max", "min", "mean", "integral", "time_when", "samples")
-#: Number of parts of a sampling interval that contains a result between samples.
+#: Number of parts into which a sampling interval is divided if it contains a result between its samples.
 _BETWEEN = 256
 
 
@@ -117,10 +117,10 @@ class Differentiable:
         return self._reduce(self._run(values, derivatives=True))
 
     def jax(self) -> Any:  # noqa: ANN401 - a function of JAX
-        """Return a function of a JAX array of the p parameters that returns the k results.
+        """Return a JAX function. It takes an array of the p parameters, and returns the k results.
 
-        The function has a rule for forward differentiation, which JAX transposes for reverse mode. It can be compiled
-        and vectorised (``vmap``), which simulates the runs one after the other.
+        The function has a rule for forward differentiation, which JAX transposes for reverse mode. It can be compiled.
+        It can also be vectorised (``vmap``); the runs are then simulated one after the other.
 
         Raises
         ------
@@ -239,7 +239,7 @@ def _extreme(one: Reduction, times: Array, x: Array, by: Array) -> ArrayPair:
     slopes = (x[k] - x[k - 1]) / before, (x[k + 1] - x[k]) / after
     if slopes[0] == slopes[1]:
         return x[k : k + 1], by[k : k + 1]
-    # at the vertex of the parabola, where a shift in time changes nothing
+    # at the vertex of the parabola: a small shift in time does not change the value there
     middle = 0.5 * (times[k - 1] + times[k])
     at = middle - slopes[0] * 0.5 * (before + after) / (slopes[1] - slopes[0])
     t = times[k - 1 : k + 2]
@@ -247,5 +247,5 @@ def _extreme(one: Reduction, times: Array, x: Array, by: Array) -> ArrayPair:
     return np.array([weights @ x[k - 1 : k + 2]]), (weights @ by[k - 1 : k + 2])[None]
 
 
-#: Results at times between samples.
+#: Results at times between samples -> function that computes them.
 SOUGHT = {"time_when": _crossing, "max": _extreme, "min": _extreme}

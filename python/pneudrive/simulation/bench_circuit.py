@@ -1,4 +1,4 @@
-"""Circuits of test stands: steady flow through a path, and a carriage that drags a piston through a force sensor."""
+"""Circuits of test stands: steady flow through a path, and a carriage with a force sensor that drags a piston."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from pneudrive.arrays import Array, Keyed, NamedNumbers, Plain
 from pneudrive.describe.system import short_name
 from pneudrive.describe.tables.parts import Gas
 
-SETTLED_S = 5.0  # after that the flow through a line is steady
-VACUUM = 1e-4  # pressure behind a valve with choked flow, over that before the line
+SETTLED_S = 5.0  # time after which the flow through a line is steady
+VACUUM = 1e-4  # ratio of the pressure behind a valve with choked flow to the pressure before the line
 
 
 def steady_flow(

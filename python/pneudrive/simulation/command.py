@@ -38,7 +38,7 @@ def steps(command: Command, times: Sequence[float] | None = None, signal: Comman
     command : number, str, path, sequence of pairs or callable
         A number holds for the whole run. Other forms are ``"0 s: 0.6, 1 s: -0.6"``, a CSV file with the columns time_s
         and command, or pairs of time and command. A time is in s, or a quantity such as ``"20 ms"``. A function of the
-        time in s is evaluated at `times`, and each value holds until the next time, as by a digital controller.
+        time in s is evaluated at `times`, and each value holds until the next time, as with a digital controller.
     times : sequence of float, optional
         Times in s, increasing from 0, at which a function is evaluated.
     signal : Signal, optional
@@ -60,7 +60,7 @@ def steps(command: Command, times: Sequence[float] | None = None, signal: Comman
     ((0.0, 1.0), (0.6, -0.6))
     """
     if isinstance(command, str):
-        # `isfile` is False for a text that is no name of a file.
+        # `isfile` is False for a text that is not the name of a file.
         is_file = command.lower().endswith(".csv") or (":" not in command and os.path.isfile(command))  # noqa: PTH113
         command = Path(command) if is_file else _entries(command)
     if isinstance(command, Real):

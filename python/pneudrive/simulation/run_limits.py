@@ -22,12 +22,12 @@ if TYPE_CHECKING:
     from pneudrive.describe import Circuit
     from pneudrive.simulation.session import DriveOrCircuit
 
-#: Largest absolute pressure of the model, Pa: flow functions and cylinders are specified up to less (assumed).
+#: Largest absolute pressure of the model, Pa (assumed). Flow functions and cylinders are specified for less.
 HIGHEST_PA = 20e5
-#: Relative excess of the heat capacity over that of the model above which a note is given (assumed).
+#: Excess of the heat capacity over the model's value, as a fraction, above which a note is given (assumed).
 CAPACITY_OFF = 0.02
-#: Largest deviation of a gas from its law, as a fraction of the pressure: ideal, and with second virial coefficient
-#: (assumed).
+#: Largest deviation from the gas law, as a fraction of the pressure: for an ideal gas, and for the law with the second
+#: virial coefficient (assumed).
 IDEAL_OFF, VIRIAL_OFF = 0.05, 0.1
 #: Fraction of the stroke by which rounding may move a piston beyond its end.
 ROUNDED = 1e-9
@@ -162,7 +162,7 @@ def _mechanical_limits(circuit: Circuit, columns: Keyed) -> Iterator[str]:
 SOURCES = ("wmo2008", "sonntag1990")
 #: e_s = A exp(B t/(C + t)), Pa, with t in degC, over water and over ice: A, B, C. Source: [wmo2008], Annex 4.B.
 WATER, ICE = (611.2, 17.62, 243.12), (611.2, 22.46, 272.62)
-#: Ratio to saturation below which no warning is given, for the accuracy of the formula (assumed).
+#: Ratio to saturation pressure up to which no warning is given, because the formula is not exact (assumed).
 SATURATED = 1.01
 
 

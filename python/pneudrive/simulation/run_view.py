@@ -15,7 +15,7 @@ from pneudrive.views import Finding, ShownValue, State, View
 #: Columns of the flow into a chamber, of a drive and of a circuit.
 _CHAMBER_FLOW = re.compile(r"(mass_flow_[ab]|.+\.[ab]\.mass_flow)_kg_s")
 LITRE = 1e-3  # m3
-MOST_APART = 0.03  # difference of the gas from every sample and from every second one, up to which it is shown
+MOST_APART = 0.03  # the gas is shown if every second sample gives the same amount within this fraction
 MOST_STROKES = 2  # stroke times among the leading values
 
 
@@ -77,9 +77,9 @@ def run_view(columns: Keyed, provenance: Keyed, described: DriveOrCircuit | None
 
 
 def _begun(provenance: Keyed, impact: Keyed) -> float | None:
-    """Return the time in s of the command towards the end of an impact, if no reversal follows before the impact.
+    """Return the time in s of the command towards the struck end, if no reversal follows before the impact.
 
-    Without such a command, return the time at which the command becomes 0, as for the return by a spring, or None.
+    Without such a command, return the time at which the command becomes 0, as before a return by a spring, or None.
     """
     sign = 1.0 if impact["end"] == "b" else -1.0
     begun, before = None, -1.0

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 #: Object that a simulation accepts.
 DriveOrCircuit: TypeAlias = "Drive | Circuit"
 RTOL_BOUNDS = (1e-13, 1e-1)
-LEAST_PART = 1e-6  # of a period that is no rounding
+LEAST_PART = 1e-6  # fraction of a period that is not only rounding
 #: Types of a compiled controller: result, then time and outputs.
 _COMPILED = (ctypes.c_double, (ctypes.c_double, ctypes.POINTER(ctypes.c_double)))
 _DRIVE_INPUTS = ("command", "load_force_n", "supply_pressure_pa")  # inputs of a linearised drive
@@ -87,7 +87,7 @@ class Linear(Shown):
 
 
 class Session:
-    """A running drive or circuit. `Drive.start` and `Circuit.start` return it.
+    """Running simulation of a drive or circuit, as `Drive.start` and `Circuit.start` return it.
 
     An input is set by name, and holds until it is set again. The integration ends exactly at the times of `advance` and
     `schedule`, and then continues with the same step size. Short calls use a method of lower order, which needs less
@@ -406,7 +406,7 @@ class Session:
 
 def _address(controller: object) -> int:
     """Return the address of a compiled controller, or 0 for a controller in Python."""
-    code = getattr(controller, "ctypes", controller)  # of a function that Numba compiled
+    code = getattr(controller, "ctypes", controller)  # for a function that Numba compiled
     if not isinstance(code, CFuncPtr):
         if not callable(controller):
             raise CommandError.of("simulation.controller", controller=type(controller).__name__)
@@ -417,7 +417,7 @@ def _address(controller: object) -> int:
 
 
 def core_error(error: Exception, kind: ErrorKind) -> PneudriveError:
-    """Convert an error of the core. If its text has a rule, it is a CommandError with this rule and its remedy."""
+    """Convert an error of the core. An error text with a rule becomes a CommandError with this rule and its remedy."""
     what, _, rest = str(error).partition(_RULE)
     rule, _, remedy = rest.partition(_REMEDY)
     if not rule:

@@ -43,9 +43,9 @@ class Run(Shown):
 
     columns: Columns
     provenance: Plain
-    meanings: Mapping[str, str] = field(default_factory=dict)  # of columns of a circuit
+    meanings: Mapping[str, str] = field(default_factory=dict)  # meanings of the columns of a circuit
     parameters: Sequence[Parameter] = ()
-    derivatives: Columns = field(default_factory=dict)  # of columns with respect to the parameters, shape (n, p)
+    derivatives: Columns = field(default_factory=dict)  # of each column by the parameters, shape (n, p)
 
     def dataset(self) -> xr.Dataset:
         """Return a labelled dataset: dimension time, a unit and a long name for each variable."""
@@ -67,7 +67,7 @@ class Run(Shown):
             sizes, attrs = {"time": len(index.index)}, dict(self.provenance)
             made = xr.Dataset._construct_direct(ready, {"time"}, sizes, attrs, {"time": index})
         except (AttributeError, TypeError):
-            # A variable of the name of its dimension becomes its coordinate.
+            # A variable with the name of its dimension becomes the coordinate of the dimension.
             made = xr.Dataset(variables, attrs=dict(self.provenance))
         if not self.parameters:
             return made
@@ -127,8 +127,8 @@ def simulate(
         a fixed start state, and include impacts, sticking and slipping. The command must not be a function.
     budget : int, optional
         Limit on the attempted steps of the run. Default: 220,000, plus 100,000 for each second of motion and 100 for
-        each entry of the command. It is larger for rtol below 1e-6, and smaller (at least one half) for more than 11
-        states. Ordinary drives take 200 to 10,000 attempts per second.
+        each entry of the command. For more than 10 states, this limit is multiplied by 10/states, but at least by 0.5.
+        Ordinary drives take 200 to 10,000 attempts per second.
     progress, cancel : optional
         See `pneudrive.progress.Watch`: a callback that gets the number of simulated seconds, and a flag that ends the
         run.
@@ -219,7 +219,7 @@ def run(
     except (ValueError, RuntimeError) as error:
         raise core_error(error, SimulationError) from None
     open_energy = abs((result["ledger"] or {"energy_error": 0.0})["energy_error"])
-    if not open_energy <= max(ENERGY_CLOSES, ENERGY_RTOL * rtol):  # also for a balance that is not a number
+    if not open_energy <= max(ENERGY_CLOSES, ENERGY_RTOL * rtol):  # also true if the balance is NaN
         result["warnings"].append(
             f"the energy balance has an error of {open_energy:.1e} of the energy throughput: friction or "
             f"flow is not resolved; choose rtol below {rtol:.1e}, or bristles with less damping"
@@ -279,7 +279,7 @@ def require(given: object, has: str, what: str, instead: str) -> None:
         raise DescriptionError(f"{what} is a {type(given).__name__}", remedy=f"Write {instead}.")
 
 
-#: Largest whole number of 64 bits, for seeds and counts without a bound of their own.
+#: Largest whole number of 64 bits, for seeds and counts without a separate bound.
 MOST_WHOLE = 2**63 - 1
 
 

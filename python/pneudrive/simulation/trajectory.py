@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from pneudrive.arrays import Array, Columns, Keyed, Plain
     from pneudrive.files.tables import Table
 
-MOST_SAMPLES = 50_000_000  # of a run: its trajectory takes about 6 GB
+MOST_SAMPLES = 50_000_000  # samples of a run, whose trajectory then takes about 6 GB
 #: Names, units and meanings of columns.
 TABLE: Plain = package_table(__file__, "columns.toml")
 #: Column of a file -> variable, unit, long name.
@@ -204,7 +204,7 @@ def write_frame(frame: pl.DataFrame, target: Path, metadata: dict[str, str] | No
                 frame.with_columns(texts).rename(spreadsheet_text).write_csv(temporary)
             else:
                 temporary.write_bytes(sealed_parquet(frame, metadata or {}))
-        except pl.exceptions.ComputeError as error:  # how polars reports a full disk
+        except pl.exceptions.ComputeError as error:  # polars reports a full disk by this error
             raise OSError(str(error)) from None
 
 

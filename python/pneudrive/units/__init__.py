@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     import pint
 
 _UNITS = package_table(__file__, "table.toml")
-_PLAIN = str.maketrans("²³*·", "23  ", "^")  # signs of powers and products as in the table
+_PLAIN = str.maketrans("²³*·", "23  ", "^")  # powers and products in the notation of the table
 _FACTORS = ((si, unit, line) for si, about in _UNITS.items() for unit, line in about.get("units", {}).items())
 #: Unit as written -> (SI unit, factor, offset): SI value = number * factor + offset.
 TABLE: dict[str, tuple[str, float, float]] = {
@@ -52,7 +52,7 @@ _LEADING_NUMBER = re.compile(r"[\s\d.+-]*(?:[eE][+-]?\d+\s*)?")
 
 
 def split_mark(text: str) -> tuple[str, str]:
-    """Split a pressure or its unit from the mark abs or gauge: ``"6 barg"`` gives ``("6 bar", " gauge")``.
+    """Separate the mark abs or gauge from a pressure or its unit: ``"6 barg"`` gives ``("6 bar", " gauge")``.
 
     The mark is empty for other units.
     """
@@ -93,7 +93,7 @@ class Pressure:
     value_pa : float
         Value as stated, in Pa.
     gauge : bool
-        Whether the value is relative to ambient pressure, and not to vacuum.
+        Whether the value is relative to ambient pressure; otherwise it is relative to vacuum.
     """
 
     value_pa: float
@@ -551,7 +551,7 @@ def converter_of_pint(unit: str, si_unit: str) -> tuple[float, float]:
         raise wrong_dimension(unit, si_unit, "a pressure, not a difference" if si_unit == "Pa" else "a pressure")
     if _ZERO_CELSIUS_LITRE.search(unit) or (si_unit == "m^3/s ANR" and not unit.endswith("ANR")):
         raise DescriptionError.of("units.no-reference-state", unit=unit, needed=needed("m^3/s ANR"))
-    # pint would compute 9**9**9**9, and is not loaded only to reject a sentence as a unit
+    # pint would compute 9**9**9**9, and would be loaded only to reject a sentence as a unit
     if len(unit) > LONGEST_UNIT or re.search(r"\d\s*(\*\*|\^)|[,;:]", unit):
         raise DescriptionError(f'unit "{unit}" is not known', rule=needed(si_unit))
 

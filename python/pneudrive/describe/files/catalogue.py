@@ -3,7 +3,7 @@
 A file contains a drive, a part, or several parts as ``[[part]]``. Each value is a table with ``value``, and either
 ``source`` or ``assumed``. ``source`` is a key of references.bib, or of ``[sources]`` in the same file. ``assumed`` is
 the reason. A part has the keys of its kind of component, and a drive has the keys of the drive file. A drive names its
-parts and adds missing values. Kinds of components are loaded only when a part is used: drives do not need them.
+parts and adds the values that its parts do not have. Kinds of components are loaded only when a part is used.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from pneudrive.references import entries as references
 PREFIX = "catalogue:"
 FOLDER = Path(__file__).resolve().parents[2] / "data" / "catalogue"
 DRIVE = "drive"
-#: Keys of `printed` that the sizing reads and no part of the built-in catalogue has.
+#: Keys of `printed` that the sizing reads, although no part of the built-in catalogue has them.
 PRINTED = {"max_stroke", "max_speed", "cushion_energy", "absorber_energy_per_hour", "b10_cycles"}
 
 _own: ContextVar[tuple[Path, ...]] = ContextVar("folders of the user's catalogue", default=())
@@ -233,7 +233,7 @@ def check(part: Entry) -> None:
             raise wrong("kind", f"kind = {part.kind!r} is not known", remedy=nearest(part.kind, kinds))
         component_class(part.kind).model_validate({"kind": part.kind} | values)
     except DescriptionError as error:
-        errors = [one for one in error.each() if " is missing" not in one.what]  # the user of the part gives it
+        errors = [one for one in error.each() if " is missing" not in one.what]  # the user of the part gives this value
     if not errors:
         return
     text = toml.read(part.source_file)[1]

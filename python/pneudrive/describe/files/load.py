@@ -14,7 +14,7 @@ from pneudrive.describe.kinds import component_kinds
 from pneudrive.describe.marks import table_schema
 from pneudrive.errors import DescriptionError
 
-#: Tables that make a file a circuit.
+#: Tables that only a circuit file has.
 OF_A_CIRCUIT = ("components", "connections")
 
 
@@ -94,7 +94,7 @@ def drive_schema() -> Plain:
 def circuit_schema() -> Plain:
     """Return the JSON schema (draft 2020-12) of a circuit file."""
     schema = Circuit.model_json_schema(by_alias=True)
-    del schema["required"]  # the components may be those of the tables of a drive file
+    del schema["required"]  # tables of a drive file can define the components
     definitions = schema["$defs"]
     del definitions["Component"]
     alternatives = []
@@ -103,7 +103,7 @@ def circuit_schema() -> Plain:
         one = made.model_json_schema(by_alias=True)
         one["properties"] |= {old: one["properties"][key] | {"deprecated": True} for old, key in made.renamed.items()}
         definitions |= one.pop("$defs", {})
-        if entry["formula"]:  # parameters of the formula are keys, too
+        if entry["formula"]:  # parameters of the formula are also keys
             one["properties"]["formula"] = {"anyOf": [{"type": "string", "pattern": "^file:.+$"}, {"type": "object"}]}
             one["additionalProperties"] = {"type": ["string", "number", "object"]}
         whole = _with_tables(one)

@@ -34,8 +34,8 @@ class Origin(Described):
 
     `interval` holds both ends of a confidence interval, and `confidence` its coverage probability. `source` names the
     recordings. `fit` is the hash of the fit, and `file` the file of the fit. `model_error` is the lower limit of the
-    model error, if known. `correlation` holds the correlation between the error of this value and that of each other
-    value, by name.
+    model error, if known. `correlation` holds, by name of another value, the correlation between the
+    errors of both values.
     """
 
     table_name: ClassVar[str] = "provenance"

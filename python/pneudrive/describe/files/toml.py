@@ -21,7 +21,7 @@ Made = TypeVar("Made")
 _HEADER = re.compile(r"\s*+\[\[?([^\]]+)\]\]?\s*+(?:#.*)?$")
 _KEY = r"""[A-Za-z0-9_-]+|"[^"]*"|'[^']*'"""
 _ASSIGNMENT = re.compile(rf"\s*((?:{_KEY})(?:\s*\.\s*(?:{_KEY}))*)\s*=\s*(.*)$")
-LONGEST_LINE = 10_000  # characters of a line in which keys are looked for
+LONGEST_LINE = 10_000  # characters of the longest line in which keys are searched
 _INLINE = re.compile(rf"(?:^|[{{,])\s*({_KEY})\s*=")
 _TEXTS = re.compile(r""""(?:\\.|[^"\\])*"|'[^']*'|(?P<end>[#\]{])""")  # the leading texts of an array
 
@@ -84,14 +84,14 @@ def parse(text: str, origin: str, kind: ErrorKind = DescriptionError) -> Plain:
     try:
         tables = tomllib.loads(text.replace("\r\n", "\n"))
     except tomllib.TOMLDecodeError as error:
-        # The parser's text ends with the place. An error at the end of the document gets the last line.
+        # The parser's message ends with the position. An error at the end of the document gets the last line.
         place = re.search(r"\s*\(at (?:line (\d+), column \d+|end of document)\)", str(error))
         line = max(int(place[1]) if place and place[1] else len(text.splitlines()), 1)
         what = re.sub(r"\s*\(at [^)]*\)", "", str(error))
         what = f"the file is not TOML: {what[:1].lower()}{what[1:]}"
         remedy = 'Write quantities in quotation marks, "25 mm", and each key once in its table.'
         raise kind(what, where=f"{origin}:{line}", value=_line(text, line), remedy=remedy) from None
-    except ValueError as error:  # a whole number of thousands of digits
+    except ValueError as error:  # a whole number with thousands of digits
         raise kind(f"the file is not TOML: {error}", where=origin) from None
     check_depth(tables, origin, kind)
     return tables
@@ -247,7 +247,7 @@ def line_numbers(text: str) -> dict[str, int]:
         header, assignment = _HEADER.match(line), _ASSIGNMENT.match(line)
         if header and not assignment:
             table = _dotted(header[1])
-            if line.lstrip().startswith("[["):  # one of an array of tables, with its number
+            if line.lstrip().startswith("[["):  # entry of an array of tables, with its number
                 counts[table] = counts.get(table, -1) + 1
                 table = f"{table}.{counts[table]}"
             lines.setdefault(table, number)
@@ -289,9 +289,9 @@ def write(tables: Plain) -> str:
 
 
 def blocks(tables: Plain, name: str = "", inline: int = 0) -> list[str]:
-    """Return a table as blocks of TOML text. Inner tables of more than `inline` levels become separate blocks.
+    """Return a table as blocks of TOML text. Inner tables with more than `inline` levels become separate blocks.
 
-    If `inline` is 0, inner tables of at most two levels are written inline within a separate block.
+    If `inline` is 0, a separate block contains its inner tables of at most two levels inline.
     """
     deep = {key: value for key, value in tables.items() if _depth(value) > inline}
     body = [f"{key_text(key)} = {value_text(value)}" for key, value in tables.items() if key not in deep]

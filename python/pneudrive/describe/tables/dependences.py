@@ -15,7 +15,7 @@ from pneudrive.errors import invalid, wrong
 
 Duration = Annotated[float, Quantity("s", "s", POSITIVE)]
 _Factor = Annotated[float, Quantity("", bounds=POSITIVE)]
-#: largest number of harmonics; more would describe the noise of a recording
+#: largest number of harmonics; more harmonics would fit the noise of a recording
 MOST_HARMONICS = 4
 #: largest number of points; each costs time at every evaluation
 MOST_POINTS = 50
@@ -95,7 +95,7 @@ class PositionPoint(Acting):
 class PositionDependence(Acting):
     """Friction along the stroke, for any law: factor [1 + slope (x - reference) + harmonics] times a tabulated one.
 
-    The tabulated factor is interpolated between its points by a monotone cubic. Beyond them, it is constant.
+    The tabulated factor is interpolated between its points by a monotone cubic. Beyond the points, it is constant.
     """
 
     table_name: ClassVar[str] = "friction.position"
@@ -146,7 +146,7 @@ class DirectionDependence(Acting):
 
 
 class SideLoad(Acting):
-    """Lateral force on a guide, for any law. It adds coefficient * |force| to the friction."""
+    """Lateral force on a guide, for any law. The guide adds coefficient * |force| to the friction."""
 
     table_name: ClassVar[str] = "friction.side_load"
     force_n: marks.Force

@@ -32,7 +32,7 @@ def friction_laws() -> MappingProxyType[str, Plain]:
 
 
 def options_of(entry: Keyed) -> dict[str, bool]:
-    """Return whether a law has each of the options that only some laws have.
+    """Return, for each option that only some laws have, whether this law has the option.
 
     `entry` is the law in the form of `friction_laws`. The options are ``stribeck_shape``, ``elements``, ``evolution``,
     and ``relaxation`` for laws with bristles.
@@ -57,7 +57,7 @@ Evolution = Literal["ageing", "slip"]
 
 #: largest number of elements of law gms
 MOST_ELEMENTS = 10
-#: tolerance of the sum of fractions of the elements: rounding to four digits
+#: tolerance of the sum of the elements' fractions: rounding to four digits
 SHARES_WITHIN = 1e-3
 
 #: Options of a law, in addition to its parameters and modifiers.
@@ -112,7 +112,7 @@ def _following(known: NamedNumbers) -> NamedNumbers:
 
 
 def assumed_from(friction: Friction) -> dict[str, tuple[tuple[str, ...], Callable[..., float]]]:
-    """Return the parameters that have their assumed values. Each has the keys of its sources, and its formula.
+    """Return the parameters that have their assumed values, each with the keys of its sources and its formula.
 
     A parameter counts as assumed if its value agrees with this formula, even if the file states the value.
     """
@@ -263,7 +263,7 @@ class Friction(Described):
 
     @property
     def note(self) -> str:
-        """Warning that the table names no law, to follow the name of the table. Empty if the table names a law."""
+        """Warning that the table names no law; the caller puts the table's name before it. Empty if a law is named."""
         listed = ", ".join(f"{key} = {value}" for key, value in self.assumed)
         return f"names no law; assumed: {listed}" if listed else ""
 

@@ -261,8 +261,8 @@ class EndStop(Described):
     """Contact with the end cover.
 
     force = stiffness * depth + damping * min(depth / damping_depth, 1) * closing speed. The force never pulls.
-    Missing values follow from the drive (docs/theory/end_stops.md), and `Drive.end_stop` shows them. The contact is
-    stiff enough that a usual drive does not penetrate a cover.
+    Missing values follow from the drive (docs/theory/end_stops.md), and `Drive.end_stop` shows them. The contact is so
+    stiff that the piston of a usual drive does not penetrate a cover.
     """
 
     table_name: ClassVar[str] = "cylinder.end_stop"
@@ -316,7 +316,7 @@ class Cylinder(_DrivePart):
     is assumed to be 0.2.
 
     The heat transfer to the walls follows from a law [woodfield2007, geankoplis1993]. `heat_transfer_scale` multiplies
-    the law, which is accurate to a factor of 2. `port_diameter` is the bore of the ports. It is by default the bore of
+    the law, which is accurate to a factor of 2. `port_diameter` is the bore of the ports. By default, it is the bore of
     a nozzle with the conductance of the valve. A stated `heat_transfer` is a constant coefficient that replaces the
     law. With a stated coefficient, the dead volumes have no wall.
     """

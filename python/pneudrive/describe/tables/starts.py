@@ -258,7 +258,7 @@ class Starts:
         Raises
         ------
         DescriptionError
-            No pose has the start positions of the legs, they also fit another pose, or the pose is singular.
+            The start positions of the legs fit no pose or more than one pose, or the pose is singular.
         """
         own = [f"{leg}.position" for leg in platform.legs]
         own += [key for key, (guide, _) in self.coordinates.items() if guide is platform]
@@ -332,7 +332,7 @@ class Starts:
                 found += [one.component for one in joint.ports if one.component not in found] if joint else []
 
     def _pressure(self, of: str, known: NamedNumbers, notes: list[str]) -> float:
-        """Return the start pressure of gas in Pa: the nearest known one along permanently open paths, or ambient."""
+        """Return the start pressure of gas in Pa: the nearest one along always open paths, or ambient pressure."""
         always = {name for name, one in self.components.items() if one.entry["open"]}
         found = [self.places[of]] if of in self.places else []
         if not found:  # a cell within a component, reached from its first port: the note of the joint covers it
@@ -365,7 +365,7 @@ def _key(name: str) -> str:
 def start_mark(last: str) -> tuple[str, Quantity | StatedPressure]:
     """Return the key and the annotation of a start value by the last part of its name.
 
-    A name that is not a pressure, temperature, position, velocity or age is that of a number without a unit.
+    A name other than pressure, temperature, position, velocity or age means a number without a unit.
     """
     return _MARKS.get(last, (last, Quantity("")))
 
@@ -471,7 +471,7 @@ def check_platforms(wiring: Wiring, components: Keyed, problems: Problems) -> No
             told = {getattr(one, "key", None) for one in problems.found.values()}
             for problem in _leg_problems(wiring, port, components):
                 of_joint = problem.key == wiring.at[port].key
-                if of_joint or problem.key not in told:  # copies have one table, whose errors are reported once
+                if of_joint or problem.key not in told:  # copies share one table: its errors are reported once
                     problems.add(problem)
         moments = [getattr(own, f"inertia_{axis}_kg_m2", 0.0) for axis in AXES]
         for axis, moment in zip(AXES, moments, strict=True):

@@ -49,14 +49,14 @@ def conductance_from_kv(kv_m3_h: float) -> float:
 USUAL_RATIO, USUAL_RATIO_SAID = 0.3, "usual for valves: the size is given without critical_pressure_ratio"
 
 
-#: Alternative keys of a flow path's size, and the prefix of the keys of the path to the exhaust.
+#: Alternative keys for the size of a flow path, and prefix of the keys for the exhaust path.
 FLOW_KEYS, EXHAUST = ("conductance", "nominal_flow", "kv", "cv"), "exhaust_"
-#: Prefix of the sizes of a flow control's needle. In a drive file, the needle has no prefix.
+#: Prefix of the keys for the size of a flow control's needle. In a drive file, these keys have no prefix.
 NEEDLE = "needle_"
 
 
 def conductance_key(key: str) -> str:
-    """Return the key of the conductance for a size of the same flow path. Other keys do not change.
+    """Return the conductance key of the flow path whose size the given key states. Other keys do not change.
 
     Examples
     --------
@@ -68,7 +68,7 @@ def conductance_key(key: str) -> str:
 
 
 def without_other_sizes(old: Keyed, own: Iterable[str], optional: str = "") -> Plain:
-    """Return the old values, except the sizes of flow paths that have another size among the new keys `own`.
+    """Return the old values without the sizes of flow paths for which the new keys `own` contain a size.
 
     Keys with and without the prefix `optional` belong to the same flow path.
     """
