@@ -327,7 +327,7 @@ class Lineage:
 
     @cached_property
     def results(self) -> list[str]:
-        """Return all files that can have inputs, the newest first. Of the recordings, only Parquet files can."""
+        """Return all files that can have inputs, the newest first. A recording needs the format Parquet."""
         runs = (file for file in self.files.values() if file.kind != "recording" or file.path.endswith(".parquet"))
         return [file.path for file in runs if file.kind in RESULT_KINDS]
 
