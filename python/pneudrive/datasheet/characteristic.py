@@ -54,7 +54,7 @@ class Characteristic:
         Function of a `HeldDrive` and of settings by keyword. It returns the values of axes and results by name, or as
         a tuple in the order of its docstring.
     standard : str
-        Standard that defines the characteristic, or empty. "form of" a standard: its definition under other conditions.
+        Standard that defines the characteristic, or empty. "form of": definition of the standard, other conditions.
     cites : tuple of str
         Keys of references.bib.
     x, y : str
@@ -150,7 +150,7 @@ def characteristic(name: str, **more: Any) -> Callable[[Find], Characteristic]: 
 
 
 def results_of(found: xr.Dataset) -> list[str]:
-    """Return the results without the bounds of their intervals; single numbers come first."""
+    """Return the names of results without those of interval bounds; single numbers come first."""
     names = [str(name) for name in found.data_vars]
     plain = [name for name in names if not (name.endswith(("_low", "_high")) and name.rpartition("_")[0] in names)]
     return sorted(plain, key=lambda name: found[name].ndim)

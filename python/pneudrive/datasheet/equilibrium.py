@@ -55,7 +55,7 @@ class Equilibrium(Viewed):
     friction_n : float
         Steady friction against the motion, with the sign of the velocity; 0 at rest.
     load_n : float
-        External force in +x that balances the piston, with friction in motion and without friction at rest.
+        External force in +x that balances the piston. The balance includes friction in motion, but not at rest.
     """
 
     command: float
@@ -135,8 +135,8 @@ def steady_state(plant: HeldDrive, command: float, load: float | None = None) ->
 def steady_gas(plant: HeldDrive, command: float, load: float | None) -> tuple[Array, float]:
     """Return pressures and temperatures of all nodes with the shape (nodes, 2), and the velocity, in a steady state.
 
-    A drive at rest reaches this state under a load (N) in +x. The velocity is 0 if the drive does not move. A load
-    of None pins the piston.
+    A drive that starts at rest reaches this state under a load (N) in +x. The velocity is 0 if the drive does not move.
+    A load of None pins the piston.
     """
     if load is None:
         return _settled(plant, command, 0.0, None)
@@ -146,7 +146,7 @@ def steady_gas(plant: HeldDrive, command: float, load: float | None) -> tuple[Ar
         return _settled(plant, command, START_M_S, load)
 
 
-#: Core's form of a drive -> speeds: each change of a gain on the page needs those of the same drive, which take 0.1 s.
+#: Core's form of a drive -> its speeds, which take 0.1 s to compute. The page needs them for each change of a gain.
 _SPEEDS: dict[str, Pair] = {}
 MOST_KEPT = 64
 

@@ -103,7 +103,7 @@ class ComparedNumber:
     Attributes
     ----------
     stroke : str
-        Command and direction of the stroke, or the half period of the cycle if the number is its air.
+        Command and direction of the stroke; for the air of a cycle, its half period.
     name, unit : str
     measured, low, high : float
         Mean of the repeats and its 95 % interval, whose ends are NaN for a single stroke.

@@ -133,8 +133,8 @@ CONTACT_N, LEAST_LAG_M, MOST_LAG = 1e-3, 1e-7, 0.1  # force on a coupling; its l
 LEAST_VELOCITY = 1e-5  # m/s: the contact just slides; its steady friction is the breakaway force
 #: Kinds of components at which a line to a chamber ends.
 _ENDS = ("tank", "reservoir")
-#: Parameters of valve and piston, or their beginnings, that have states but no effect on a steady state away from the
-#: ends.
+#: Parameters of valve and piston (names or their first parts) that add states, but have no effect on a steady state
+#: away from the ends.
 _LAGS = ("frequency", "damping_ratio", "stroke_time", "delay", "hysteresis", "cushion_")
 
 
@@ -145,7 +145,7 @@ class HeldDrive:
     ----------
     described : Drive or Circuit
     actuation : Actuation, optional
-        Commands of the valves for the two directions; by default they are searched.
+        Commands of the valves for the two directions; default: from `actuation_of`.
 
     Raises
     ------
@@ -251,7 +251,7 @@ class HeldDrive:
         """Return the port of the valve that feeds chamber a or b, and the components in between.
 
         Components are ordered from the valve to the chamber, each with its port towards the valve and its port towards
-        the chamber. Return None if no single path of components with two ports leads there.
+        the chamber. Return None if no single path of components with two ports leads to the chamber.
         """
         wiring, passed = self.circuit.wiring, list[tuple[str, str, str]]()
         ends = [port for port in wiring.at if port.id == f"{self.piston}.{side}"]
@@ -324,7 +324,7 @@ class HeldDrive:
         return max(abs(weight), abs(weight - self.sum_of("load", "force")))
 
     def sum_of(self, kind: str, key: str) -> float:
-        """Return the sum of a number over the components of a kind."""
+        """Return the sum of one number over all components of a kind."""
         return sum(getattr(part, key) for part in self.parts.values() if part.kind == kind)
 
     @cached_property
@@ -353,7 +353,7 @@ class HeldDrive:
 
     @cached_property
     def frictions(self) -> dict[str, Plain]:
-        """Friction in the core's form of the piston and each slide that has friction, by component."""
+        """Component -> friction in the core's form, for the piston and each slide that has friction."""
         laws = {name: getattr(self.parts[name], "friction", None) for name in self.slides}
         return {name: law.core() for name, law in laws.items() if law is not None}
 

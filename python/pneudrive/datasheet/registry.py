@@ -44,7 +44,7 @@ class UncertainDrive:
 
     def __init__(self, drive: DriveOrCircuit) -> None:
         self.plant = HeldDrive(drive)
-        #: Identified value of a drive -> its interval and correlations; a circuit has none.
+        #: Identified value of a drive -> its interval and correlations; empty for a circuit.
         self.origins: Plain = getattr(drive, "provenance", None) or {}
 
     @cached_property
@@ -138,7 +138,7 @@ class UncertainDrive:
 
 
 def together(away: Array, shared: Array) -> Array:
-    """Return the joint upward deviation of a result, from its deviations at the interval bounds of each value.
+    """Combine the deviations of a result at the interval bounds of all values into one upward deviation.
 
     Parameters
     ----------

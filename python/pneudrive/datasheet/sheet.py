@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 # --- Units and names of results in readable form.
 
 NARROWEST = 1e-6  # relative width of an interval that is not shown: rounding
-#: SI unit -> size below which a displayed number is 0, instead of 1e-9: error of the solver in the relative leakage.
+#: SI unit -> size below which a number is displayed as 0. A relative leakage of 1e-9 is an error of the solver.
 ROUNDING = {"1/s": 1e-6}
 #: SI unit -> factor and displayed unit.
 SHOWN_UNITS = {
@@ -249,7 +249,7 @@ def _hazards(plant: HeldDrive, results: dict[str, xr.Dataset]) -> Iterator[Findi
     if plant.hanging_n > locks and labels.get("held_by") != "machine":
         text = f"{HAZARD}without pressure, weight and load pull the piston with {plain(plant.hanging_n)} N, but"
         remedy = "A lock or a clamp must hold the load (ISO 4414)."
-        # The friction without pressure is known if what pressure adds is stated, and neither is assumed.
+        # The friction without pressure is known if its dependence on pressure is stated, and neither is assumed.
         is_stated = bool(plant.frictions.get(plant.piston, {}).get("pressure"))
         origins = plant.described.origin_of.items()
         friction = [one for key, one in origins if "friction.coulomb" in key or "friction.pressure" in key]

@@ -50,8 +50,8 @@ class StrokeNumbers(Viewed):
     overshoot, way, mean_speed, top_speed, end_speed, end_energy, peak_pressure_a, peak_pressure_b : float
         See `STROKE_MEANING`. Speeds are positive.
     begin_within : float
-        Largest time (s) from the command to the start of the counted times: the sample interval if only the samples
-        show the command. The true times from the command are longer by at most this value.
+        Largest time (s) between the command and the start of the counted times. It is the sample interval if only the
+        samples show the command. The true times from the command are longer by at most this value.
     """
 
     direction: int

@@ -44,7 +44,7 @@ class Undetermined:
     reason : str
         Reason in words.
     remedy : str
-        Measurement that would determine it.
+        Measurement that would determine the parameter.
     """
 
     parameter: str
@@ -77,7 +77,7 @@ def names_of(undetermined: Iterable[str | Undetermined]) -> set[str]:
 
 
 Number = Annotated[float, Field(strict=True)]
-#: pydantic's type of an error -> rule in words.
+#: Error type of pydantic -> rule in words.
 _RULES = {
     "missing": "is missing",
     "string_type": "must be a text",
@@ -176,7 +176,7 @@ class FitFile(_Table):
         try:
             return cls.model_validate({**content, "groups": values, "content": content})
         except ValidationError as error:
-            # the problem with the longest key belongs to the alternative that fits best
+            # The alternative that fits best reports the problem with the longest key.
             problem = max(error.errors(include_url=False), key=lambda one: len(one["loc"]))
             of_values = problem["loc"][0] == "groups"
             parts = (groups[int(problem["loc"][1])], *problem["loc"][2:]) if of_values else problem["loc"]
@@ -287,7 +287,7 @@ class Fit(Viewed):
 
     @property
     def recordings(self) -> tuple[str, ...]:
-        """Names of the recordings of the fit, if known."""
+        """Names of the fitted recordings, if known."""
         said = self.provenance.get("recordings", ())
         return tuple(str(one["name"] if isinstance(one, dict) else one) for one in said)
 
@@ -356,7 +356,7 @@ class Fit(Viewed):
         Parameters
         ----------
         names : sequence of str, optional
-            Free values. Default: all; for the fit of a drive, without those of sensors.
+            Names of free values. Default: all; for the fit of a drive, all except values of sensors.
 
         Returns
         -------
@@ -383,7 +383,7 @@ class Fit(Viewed):
         return {name: self.profiler(name) for name in names}
 
     def findings(self) -> tuple[Finding, ...]:
-        """Return undetermined values with their remedies, one finding for all values with the same reason."""
+        """Return undetermined values and their remedies; values with the same reason share one finding."""
         shared: dict[tuple[str, str], list[str]] = {}
         for one in (one for one in self.undetermined if isinstance(one, Undetermined)):
             shared.setdefault((one.reason, one.remedy), []).append(one.parameter)
@@ -402,7 +402,7 @@ class Fit(Viewed):
         gauge_b_pa: float | None = None,
         speeds_m_s: Interval | None = None,
     ) -> SlidingCurve:
-        """Return the sliding friction to export; default: middle of the measured pressures, range of measured speeds.
+        """Return the curve to export. Defaults: the middle of the measured pressures, and the range of measured speeds.
 
         Raises
         ------
@@ -446,7 +446,7 @@ class Fit(Viewed):
         Returns
         -------
         Exported
-            Parameters, greatest deviation of the other tool's curve, and losses of the conversion.
+            Parameters, largest deviation of the other tool's curve, and effects that the conversion leaves out.
 
         Raises
         ------
@@ -508,11 +508,11 @@ class Fit(Viewed):
         return (self.values,)
 
     def free_values(self) -> NamedNumbers:
-        """Return all values that can be in `free`: those of the drive, and others such as those of sensors."""
+        """Return all values that can be in `free`, such as values of the drive and of its sensors."""
         return {name: value for group in self._groups() for name, value in group.items()}
 
     def _first(self) -> Plain:
-        """Return the top-level entries of the file in addition to schema and kind."""
+        """Return the top-level entries of the file, except schema and kind."""
         return {"kind": self.KIND, "converged": self.converged, "notes": list(self.notes)}
 
     def _last(self) -> Plain:

@@ -26,13 +26,13 @@ from pneudrive.repr_tables import Shown
 from pneudrive.units import readable
 from pneudrive.views import ShownTable, View, Viewed
 
-# --- Comparison of laws and dependences on pressure by cross-validation over conditions.
+# --- Comparison of laws, and of dependences on pressure, by cross-validation over conditions.
 
-#: Probability of the intervals in which held-out values are counted.
+#: Probability of the prediction intervals of held-out values.
 PROBABILITY = 0.9
-#: Relative error of a straight line above which it is reported.
+#: Relative error above which a straight line in pressure is reported as wrong.
 MISSED = 0.2
-#: Ratio of a curve's error to the line's error below which the curvature of the pressure effect is reported.
+#: A curved pressure effect is reported if the curve's error divided by the line's error is below this ratio.
 CURVED = 0.75
 
 
@@ -58,7 +58,7 @@ class Compared(Shown):
     worst_at : str
         Condition with this error, as text.
 
-    The errors of a law are infinite if the remaining values do not determine it when a condition is held out.
+    The errors are infinite if the values without a held-out condition do not determine the law.
     """
 
     name: str
@@ -94,8 +94,8 @@ class LawComparison(Viewed):
     folds : int
         Number of held-out conditions.
     recommended : Compared
-        The simplest law whose held-out error is not larger than the smallest by more than one standard error of their
-        difference. If only other laws fit all values (`FrictionFit.fits`), the one of these with the smallest
+        Simplest law whose held-out error exceeds the smallest error by at most one standard error of the difference.
+        If this law does not fit all values (`FrictionFit.fits`) but other laws do: the other law with the smallest
         held-out error.
     statements : tuple of str
         Sentences on the recommendation and on the error of a straight line in pressure.
@@ -324,7 +324,7 @@ def _sentence(key: str, row: Compared, **values: object) -> str:
 DRAWS = 32
 #: Number of candidate speeds, in logarithmic steps, and digits of proposed speeds.
 SPEEDS, DIGITS = 120, 3
-#: Number of candidate speeds for a given time. Each is chosen at most once, so closer speeds would act as repeats.
+#: Number of candidate speeds if the time is given. Each is chosen at most once, so closer speeds would act as repeats.
 SPEEDS_IN_TIME = 30
 #: Largest standard deviation of ln vs (and ln n) in the prior from a fit; 1 is a factor of 2.7.
 WIDEST = 1.0
@@ -501,7 +501,7 @@ def next_measurements(
     over: Limits | None = None,
     noise_n: float | None = None,
 ) -> Design:
-    """Choose the next points to measure by Fedorov's exchange over a grid of speeds and the pressures of the limits.
+    """Choose the next points to measure by Fedorov's exchange, from a grid of speeds and the pressures in `limits`.
 
     The criterion is averaged over the prior, because a design for one Stribeck velocity is poor for another.
 
@@ -520,7 +520,7 @@ def next_measurements(
     over : Limits, optional
         Range of prediction; by default `limits`.
     noise_n : float, optional
-        Standard deviation of the friction of one point; default: that of the fit, including the scatter of its values.
+        Standard deviation of the friction at one point. Default: value from the fit, including the scatter.
 
     Returns
     -------

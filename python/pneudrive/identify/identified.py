@@ -56,11 +56,11 @@ def remedy_for(name: str) -> str:
     return next((text for pattern, text in sentences("remedies").items() if fnmatchcase(plain, pattern)), _ANY)
 
 
-# --- Measured values and those of a model, and their figure.
+# --- Measured and modelled values, and their figure.
 
 #: Number of points above which values are drawn as a line, and largest number of rows of a figure.
 MANY, MOST_ROWS = 200, 12
-#: Columns of the horizontal axis -> axis.
+#: Column on the horizontal axis -> its axis.
 AXES: dict[str, Axis | str] = {"speed_m_s": SPEED, "time_s": "time / s"}
 
 
@@ -136,7 +136,7 @@ class Identified:
     model_errors : dict
         Name -> lower limit of the model error in SI, if known.
     correlations : dict
-        Name -> correlations with other values, by their names.
+        Name -> name of another value -> correlation of both values.
     """
 
     values: NamedNumbers
@@ -184,7 +184,7 @@ def apply_identified(
     Warns
     -----
     PneudriveWarning
-        A force that was not identified contradicts an identified force, and is set to this force.
+        A force that was not identified contradicts an identified force, and is set to the identified force.
 
     Raises
     ------
@@ -270,7 +270,7 @@ def _assumed(found: Identified, drive: Drive) -> dict[str, str | float]:
 
 
 def _within_limits(found: Identified, drive: Drive, changed: Keyed) -> Plain:
-    """Return the change to Coulomb or breakaway force that makes the breakaway force at least the Coulomb force.
+    """Return the change of one force after which the breakaway force is at least the Coulomb force.
 
     A force that was not fitted is set to the fitted force.
     """

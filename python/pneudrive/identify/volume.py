@@ -608,7 +608,7 @@ def _residual(point: Array, records: Sequence[VolumeRecording], dead_s: float = 
 
 
 def _simulate(point: Array, record: VolumeRecording, dead_s: float) -> Array:
-    """Return the pressure in bar, with exact steps of the lag towards the mean setpoint of neighbouring samples."""
+    """Return the pressure in bar. Each step of the lag is exact for the mean setpoint of two neighbouring samples."""
     goal = point[0] * np.interp(record.time_s - dead_s, record.time_s, record.opening) + point[1]
     between, step = 0.5 * (goal[1:] + goal[:-1]), np.diff(record.time_s)
     filling, venting = (1.0 - np.exp(-step / lag) for lag in np.exp(point[2:4]))
@@ -621,7 +621,7 @@ def _simulate(point: Array, record: VolumeRecording, dead_s: float) -> Array:
 
 
 def _intervals(records: Sequence[VolumeRecording], best: OptimizeResult, own: Columns) -> tuple[NamedIntervals, float]:
-    """Return the wider intervals, from blocks of time or from runs, and the correlation of gain and offset."""
+    """Return intervals from blocks of time or from runs, the wider ones, and the correlation of gain and offset."""
     inverse = np.linalg.pinv(best.jac.T @ best.jac)
     times = np.concatenate([i * 1e6 + r.time_s for i, r in enumerate(records)])
     edges = np.unique(np.floor(times / BLOCK_S), return_index=True)[1]

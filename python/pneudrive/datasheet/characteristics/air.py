@@ -34,7 +34,7 @@ _BOUNDARY = ("mass over the boundary [kg]", "enthalpy over the boundary [J]", "e
 
 
 def full_half_s(plant: HeldDrive) -> float:
-    """Return half of the period (s) of a cycle in which the chambers fill and empty, and reach the wall temperature.
+    """Return the half period (s) of a cycle in which the chambers fill, empty, and reach the wall temperature.
 
     Warn if the piston does not move from end to end.
     """

@@ -367,7 +367,7 @@ def lines(
     xarray.Dataset
         Dimensions diameter and length (m). Variables vent_conductance, vent_speed, stroke_time_out, stroke_time_back,
         mean_speed, end_speed. NaN if the piston does not arrive. ``attrs["without_tubes"]`` and
-        ``attrs["as_described"]`` hold the same values for the drive without tubes and with the described ones.
+        ``attrs["as_described"]`` hold the same values for the drive without tubes and with its described tubes.
 
     Raises
     ------

@@ -83,7 +83,8 @@ def run_strokes(
 ) -> StrokeRun:
     """Run a stroke for each signal. Return the stroke of a single signal, or the last two strokes of several signals.
 
-    The first stroke starts from rest. All strokes get the same time, which is increased if a stroke does not finish.
+    The first stroke starts from rest. All strokes have the same duration. If a stroke does not finish, the duration is
+    increased.
     """
     expected = expected_s or expected_time(plant, abs(signals[0]))
     start, count = start_of(plant, position, pressures), min(len(signals), 2)
@@ -276,7 +277,7 @@ def _cushion(plant: HeldDrive, end_speed: float = END_SPEED) -> Found:
 
     End speed and peak pressure of a piston that enters its cushion at a given speed, over mass, entry speed and
     needle opening. The valve is fully open, and the pressures at entry are those of slow steady motion. The largest
-    admissible pressure is twice the supply (assumed).
+    admissible pressure is twice the supply pressure (assumed).
 
     Settings
     --------
@@ -363,7 +364,7 @@ REST_S, SWITCHING_RATE_HZ = 0.5, 1e5  # between the commands; samples
 def _times(plant: HeldDrive) -> Found:
     """Times of the valve.
 
-    Time from switching on, or off, until the pressure in a volume of 10 cm3 at the outlet has made 10 % of its change.
+    Time from a switch-on or switch-off command to 10 % of the pressure change in a volume of 10 cm3 at the outlet.
 
     Results
     -------

@@ -102,7 +102,7 @@ def _steady(plant: HeldDrive, command: float, load: float | None = None) -> tupl
 
 
 def velocity_gain(plant: HeldDrive, direction: float) -> Pair:
-    """Return slope and dead zone of the line of velocity over command through two small commands with motion."""
+    """Return slope and dead zone of the straight line of velocity over command, from two small commands with motion."""
     commands = [plant.edge(direction)[0] + small for small in SMALL]
     low, high = commands
     slow, fast = (abs(_steady(plant, direction * u, 0.0)[0]) for u in commands)
@@ -225,7 +225,7 @@ def _at(plant: HeldDrive, position: float, pressures: Any, friction: str = "none
 
 
 def adiabatic_stiffness(plant: HeldDrive, position: float, pressures: Any, times: float = 1.0) -> float:  # noqa: ANN401
-    """Return the gas stiffness (N/m) without heat exchange at the natural frequency of `times` the moving mass.
+    """Return the gas stiffness (N/m) without heat exchange, at the natural frequency with `times` the moving mass.
 
     Gas in the lines contributes only as far as it can flow at this frequency.
     """
@@ -318,9 +318,9 @@ def _stiffness(plant: HeldDrive, pressures: Any = None) -> Found:  # noqa: ANN40
 def _frequency(plant: HeldDrive, pressures: Any = None) -> Found:  # noqa: ANN401
     """Natural frequency and damping.
 
-    The moving mass is on the air spring with the valve at command 0 and both chambers at one pressure. The
-    damping includes the viscous part of the friction, the heat of the wall and flow through the valve. Below breakaway
-    the bristles add their stiffness.
+    The moving mass oscillates on the air spring. The valve is at command 0, and both chambers are at one pressure. The
+    damping includes the viscous part of the friction, heat exchange with the wall and flow through the valve. Below
+    breakaway, the bristles add their stiffness.
 
     Settings
     --------

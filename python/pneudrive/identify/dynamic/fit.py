@@ -47,7 +47,7 @@ FORCES = ("friction.coulomb", "friction.breakaway")
 def transforms_of(
     parameters: Sequence[Parameter], sensors: Sequence[sensing.SensorParameter], drive: Drive | Circuit
 ) -> Transforms:
-    """Return the coordinates of the free values of a drive or a circuit and of the sensors.
+    """Return the coordinates of the free values: those of the drive or circuit, then those of the sensors.
 
     The breakaway force is the Coulomb force plus a positive excess. If one of these forces is held, it limits the
     other.
@@ -89,7 +89,7 @@ SHORTER_SEGMENTS = (0.5, 0.25)
 LAST_RTOL = 1e-2
 #: Smallest accepted improvement of the mean log residual by a repeated search.
 GAIN = 0.02
-#: Length of the segments, s, and threads that run them.
+#: Length of the segments, s, and number of threads that run the segments.
 SEGMENT_S, THREADS = 0.4, 2
 
 
@@ -293,7 +293,7 @@ def _resolvable(
 
 
 def _least_noise(channel: sensing.Channel, rtol: float) -> float:
-    """Return the lower limit of the noise of a channel: resolution of the sensor, error of the solver."""
+    """Return the lower limit of a channel's noise, from the resolution of the sensor and the error of the solver."""
     return float(np.hypot(channel.resolution / np.sqrt(12.0), rtol * _SCALE.get(channel.unit, 1.0)))
 
 
@@ -355,7 +355,7 @@ def solve(
 
 
 def _regrouped(problem: FitProblem, point: Iterate, length_s: float | None) -> Iterate:
-    """Join the short segments of the first phase to longer ones, which keep the start of their first short segment."""
+    """Join the short segments of the first phase. A joined segment keeps the start of its first short segment."""
     states = []
     for experiment, state in zip(problem.experiments, point.states, strict=True):
         old = experiment.starts
@@ -387,7 +387,7 @@ def _renew_noise(problem: FitProblem, at: search.Misfit, rtol: float) -> bool:
 STIFFNESS, DAMPING = "friction.bristle_stiffness", "friction.bristle_damping"
 #: Fraction of the friction swing over which the slope is evaluated.
 SWING_SHARE = 0.35
-#: Smallest number of samples of a reversal within that fraction.
+#: Smallest number of samples of a reversal within the fraction `SWING_SHARE` of the swing.
 LEAST_SAMPLES = 6
 #: Smallest friction swing of a reversal, as a fraction of the largest swing.
 WHOLE_SWING = 0.6
@@ -547,7 +547,7 @@ def _slope(reversal: Array, step: float) -> Pair | None:
 
 
 def _factor(drive: Drive, slope: float, level: float, speed: float) -> float:
-    """Return the ratio of the slope at a reversal to the bristle stiffness for the drive's law, from a simulated loop.
+    """Simulate a loop of the drive's law. Return the slope at a reversal divided by the bristle stiffness.
 
     The simulated loop is evaluated like a measured loop.
     """

@@ -32,7 +32,7 @@ class Shot:
     by_parameter : ndarray, shape (n, o, p)
         Derivatives with respect to the free values of the drive, in SI; p = 0 without derivatives.
     by_start : ndarray, shape (n, o, s)
-        Derivatives with respect to the start state of the segment with the sample; s = 0 without derivatives.
+        Derivatives with respect to the start state of the sample's segment; s = 0 without derivatives.
     ends : ndarray, shape (k, s)
         State at the end of each segment.
     ends_by_parameter, ends_by_start : ndarray, shapes (k, s, p), (k, s, s)
@@ -51,7 +51,7 @@ class Shot:
 
 @dataclass
 class FittedRecording:
-    """Recording in the fit, with its segments and measured channels. It simulates the segments.
+    """Recording in the fit, with its segments and measured channels; `run` simulates the segments.
 
     Parameters
     ----------
@@ -79,7 +79,7 @@ class FittedRecording:
     hidden : ndarray of bool, shape (s,)
         Mask of unmeasured start states.
     limits : (ndarray, ndarray), shape (s,)
-        Bounds of a start; infinite for measured states.
+        Bounds of the start states; infinite for measured states.
     """
 
     recording: DriveRecording
@@ -227,7 +227,7 @@ def delayed(times: Array, commands: Array, delay_s: float) -> ArrayPair:
 
 
 def _spread(derivatives: Array, p: int, columns: Ints, states: int) -> Array:
-    """Return derivatives with respect to all start states, from those with respect to some; the others are zero."""
+    """Expand derivatives with respect to some start states to all start states. The added derivatives are zero."""
     out = np.zeros((*derivatives.shape[:-1], p + states))
     out[..., :p] = derivatives[..., :p]
     out[..., p + columns] = derivatives[..., p:]
@@ -235,7 +235,7 @@ def _spread(derivatives: Array, p: int, columns: Ints, states: int) -> Array:
 
 
 def segment_starts(time_s: Array, length_s: float | None) -> Ints:
-    """Return the first samples of segments of about `length_s`; None: one segment.
+    """Return the first sample of each segment of about `length_s`; None gives one segment.
 
     All segments have at least two samples and similar lengths (within a factor of 2).
     """
@@ -264,7 +264,7 @@ class FitProblem:
     sensors : list of SensorParameter
         Free values of the sensors.
     transforms : Transforms
-        Transformation of both to coordinates.
+        Transformation of all free values to coordinates.
     experiments : list of FittedRecording
     """
 
@@ -279,12 +279,12 @@ class FitProblem:
         self.experiments = experiments
         self.drive_size = len(parameters)
         self.size = self.drive_size + len(sensors)
-        #: Recording -> index of the free delay of its command among the coordinates.
+        #: Recording -> coordinate of its free command delay, as an index.
         self.delays = {s.recording: i for i, s in enumerate(sensors, self.drive_size) if s.kind == "delay"}
         #: Prior precision of the coordinates: 0 without prior knowledge.
         precision = [(s.size / s.uncertainty) ** 2 if s.uncertainty > 0.0 else 0.0 for s in sensors]
         self.prior = np.r_[np.zeros(self.drive_size), precision]
-        #: Prior starts of each recording, of which only the first one is used.
+        #: Prior starts of the segments of each recording; only the first start is used.
         self.believed: list[Array] = []
         #: Whether segments start from measurements, so that only unmeasured states are carried over.
         self.is_separate = False
@@ -325,7 +325,7 @@ class FitProblem:
         ----------
         point : Iterate
         stage : str
-            Part of the search, named in an error: a key of the sentences ``not_simulated``.
+            Part of the search that an error names, as a key of the sentences ``not_simulated``.
         derivatives : bool
 
         Raises
@@ -408,14 +408,14 @@ class FitProblem:
         return residual, slopes * weight[:, :, None]
 
 
-#: Half widths of windows for parabolas, s.
+#: Half widths of the windows in which parabolas are fitted, s.
 WINDOW_S = 0.01
 LEAST_HALF_WIDTH = 3  # samples
 #: Multiple of the noise below which the residual of a parabola is accepted.
 PARABOLA_NOISE = 1.5
 #: Smallest number of samples for a parabola.
 _LEAST_SAMPLES = 4
-#: Samples of windows in memory at a time.
+#: Largest number of window samples in memory at a time.
 _AT_ONCE = 1_000_000
 #: Number of runs until unmeasured states have settled. Each run starts from the end states of the previous one.
 ROUNDS = 3
@@ -427,11 +427,12 @@ USUAL = {"position": (1e-2, 1e-3), "velocity": (0.2, 1e-2), "pressure": (5e4, 1e
 OWN_STATES = 6
 #: Bounds of unmeasured states, as a multiple of the prior standard deviation.
 POSSIBLE = 4.0
-#: States that grow throughout a recording, so that short segments do not limit their range.
+#: States that grow throughout a recording. They have no upper limit, because short segments do not show their range.
 GROWING = ("contact_age_s", "sliding_distance_m", "contact_warming_k")
 #: Lower bound of pressure and temperature in a tube, as a fraction of the lowest simulated values.
 LEAST_SHARE = 0.2
-#: Unusual pressures of chambers a and b, Pa, as markers: gas that gets one of them by default starts like this chamber.
+#: Unusual pressures of chambers a and b, Pa, as markers. Gas that gets one of these pressures by default starts like
+#: the chamber with this pressure.
 DISTINCT_PA = (110001.0, 130003.0)
 
 
@@ -511,7 +512,7 @@ def start_states(experiment: FittedRecording, drive: Drive | Circuit, values: Ar
 def _smoothed(time_s: Array, values: Array, at: Ints, noise: float, watch: Watch) -> ArrayPair:
     """Return value and slope of a local parabola at the samples `at`.
 
-    The window is the widest over which the signal is a parabola within its noise.
+    The window is the widest in which a parabola follows the signal within its noise.
     """
     good = np.isfinite(values)
     step = np.median(np.diff(time_s))
@@ -541,7 +542,7 @@ def _parabolas(
 ) -> tuple[Array, Array, Bools]:
     """Return value and slope of the parabola around each sample, and a mask of samples with a small residual.
 
-    In a gap of the signal, with fewer than four samples in a window, the nearest value is used.
+    If a window has fewer than four samples (a gap of the signal), the nearest value is used.
     """
     index = at[:, None] + np.arange(-half, half + 1)
     used = (index >= 0) & (index < time_s.size)

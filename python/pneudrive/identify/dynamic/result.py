@@ -8,8 +8,8 @@ limit of the model error, each held number (bore, supply pressure, conductance, 
     d theta_h = - (Phi^T W Phi)^-1 Phi^T W d e_h,    floor = sqrt(sum over h of d theta_h^2)
 
 Phi are the derivatives of the balances' residuals with respect to the free values, and d e_h is the change of these
-residuals with the held number h. W weights each balance by one over the mean square of its terms. The formula uses the
-motion of the recordings, but not their noise.
+residuals due to the error of the held number h. W weights each balance by one over the mean square of its terms. The
+formula uses the motion of the recordings, but not their noise.
 """
 
 from __future__ import annotations
@@ -60,8 +60,8 @@ class DriveFit(Fit, kind="drive"):
     free : tuple of str
         Order of `covariance`: values, then sensors.
     covariance : ndarray, shape (p, p)
-        First-order covariance in SI, with variance and autocorrelation of the residuals, without directions that the
-        recordings do not determine.
+        First-order covariance in SI. It includes variance and autocorrelation of the residuals, but no directions that
+        the recordings do not determine.
     intervals : dict
         Determined value or sensor -> (lower, upper), 95 %, from sensor noise. Empty if the search did not converge.
     model_errors : dict
@@ -100,8 +100,8 @@ class DriveFit(Fit, kind="drive"):
         Parameters
         ----------
         recording : str
-            Name of the recording. A recording outside the fit gets the common gains and lags, and the mean over the
-            fitted recordings for each offset and delay.
+            Name of the recording. A recording outside the fit gets the common gains and lags, and the mean offsets and
+            delays of the fitted recordings.
 
         Returns
         -------
@@ -192,7 +192,7 @@ def warn_of_mixture(fit: Any, described: object) -> None:  # noqa: ANN401 - of t
     ----------
     fit : DriveFit or VolumeFit
     described : object
-        Description that gets the fitted values; None: that with the start values of the search.
+        Description that gets the fitted values; None: the description with the start values of the search.
     """
     kept = sorted(set(fit.values).difference(fit.determined))
     note = next((note for note in fit.notes if note.startswith(KEPT)), None)
@@ -203,10 +203,10 @@ def warn_of_mixture(fit: Any, described: object) -> None:  # noqa: ANN401 - of t
 
 
 def applied_note(solved: Solved, kept: Collection[str]) -> list[str]:
-    """Return a note that compares the errors of free runs with the applied and with the fitted values.
+    """Return a note with the errors of two free runs: one with the applied values, one with the fitted values.
 
-    Free runs use the starts and sensor errors of the fit. The list is empty if all values
-    were determined, or none.
+    Free runs use the starts and sensor errors of the fit. The list is empty if all values were determined, or no
+    values.
 
     Parameters
     ----------
@@ -254,7 +254,7 @@ MODEL_SHARE = 0.01
 SLIDES = 0.01
 #: Fraction of the largest scaled derivative below which a direction is not determined.
 SINGULAR_SHARE = 1e-3
-#: Balances of a recording as a function of the drive's numbers, at the fitted numbers, and their terms there.
+#: Balances of a recording: a function of the drive's numbers, values at the fitted numbers, and terms of these values.
 Along = tuple[Callable[[Array], list[Array]], list[Array], list[Array]]
 _STATES = ("position_m", "velocity_m_s", "pressure_a_pa", "pressure_b_pa")
 _TERMS = ("force_n", "friction_n", "end_stop_force_n", "pressure_rate_a_pa_s", "pressure_rate_b_pa_s")
@@ -408,7 +408,8 @@ def unresolved_damping(step_m: float, breakaway_n: float, stiffness_n_m: float) 
     return Undetermined("friction.bristle_damping", **stated("undetermined", "damping", **sizes))
 
 
-#: Correlation length of residuals, in samples, above which a note is given, unless solver errors explain the variance.
+#: Correlation length of residuals, in samples, and variance of residuals. A note is given above both limits. Solver
+#: errors explain a smaller variance.
 CORRELATED, SOLVER_SHARE = 10.0, 0.1
 
 

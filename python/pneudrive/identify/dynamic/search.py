@@ -38,13 +38,13 @@ SHORT_STEP = 0.02
 SMALL_GAP = 1e-3
 #: Size of gaps below which the solver's error prevents further improvement by a short step.
 SOLVER_GAP = 3e-3
-#: Fraction of the noise below which residuals need no further search until the noise is estimated.
+#: Residuals below this fraction of the noise need no further search before the noise is estimated.
 EXACT_SHARE = 0.1
 #: Relative decrease of the cost below which the first phase ends.
 SMALL_GAIN = 0.01
 MOST_STEPS = 40
-#: Fractions of a step of coordinates and starts, tried if no shorter step of the coordinates alone lowers the merit
-#: function.
+#: Fractions of a full step of coordinates and starts. They are tried if no shorter step of the coordinates alone lowers
+#: the merit function.
 SHARES = (0.5, 0.25, 0.1)
 #: Smallest damping. A damping of 1 acts like a prior with standard deviation 1 about the present value of a coordinate.
 DAMPING_LEAST = 1e-3
@@ -105,7 +105,7 @@ class Misfit:
         of its prior). Without derivatives, `blocks`, `slopes` and `carried` are empty.
     slopes : list of ndarray, shape (n, c, P + s)
     carried : list of (ndarray, ndarray), shapes (k, s, P + s) and (k, s)
-        Derivative of each start with respect to the unknowns, and the change by which each start closes the gaps.
+        Derivative of each start with respect to the unknowns, and the change of each start that closes the gaps.
     """
 
     point: Iterate
@@ -249,8 +249,9 @@ def _shortened(
 ) -> tuple[Misfit, float] | None:
     """Shorten the step until it lowers the merit function. The trial runs have no derivatives.
 
-    The bound on the step of the coordinates is lowered, and the step of the starts is computed from it. `share` scales
-    both steps. Return the misfit of the new point, and the bound for the next step; None if no step lowers the merit.
+    The bound on the step of the coordinates is lowered, and the step of the starts follows from the shorter step.
+    `share` scales both steps. Return the misfit of the new point, and the bound for the next step; None if no step
+    lowers the merit.
     """
     information, gradient = equations(problem, at)
     while longest >= SHORTEST:
@@ -342,7 +343,7 @@ class Solved:
     slopes : list of ndarray, shape (n, c, P)
         Derivatives of the outputs of each recording, in units of the noise, minus the part that starts can compensate.
     inverse : ndarray, shape (P, P)
-        Inverse of the information of the coordinates, with prior knowledge of the sensors, in determined directions.
+        Inverse of the information matrix of the coordinates, in determined directions, including the prior of sensors.
     weak : ndarray, shape (w, P)
         Undetermined unit directions in scaled coordinates.
     inflation : dict

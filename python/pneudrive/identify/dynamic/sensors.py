@@ -101,7 +101,7 @@ class Sensor:
 
 @dataclass(frozen=True)
 class Channel:
-    """Sensor in SI. `column` is the model output that it measures. `free` properties are fitted, from `START`."""
+    """Sensor in SI, which measures the model output `column`. The fit of its `free` properties begins at `START`."""
 
     name: str
     column: str
@@ -117,7 +117,7 @@ class Channel:
 
 #: Free property -> start value. The lag is that of a pressure transducer with its tube (assumed).
 START = {"offset": 0.0, "gain": 1.0, "lag": 2e-3, "delay": 0.0}
-#: Typical offset by unit, which scales its coordinate.
+#: Unit -> typical offset, which scales the coordinate of an offset.
 OFFSET_SIZE = {"m": 1e-3, "Pa": 1e3, "m/s": 1e-2, "K": 1.0, "N": 1.0, "m/s^2": 1.0}
 
 
@@ -178,7 +178,7 @@ def channels_of(names: list[str], sensors: Mapping[str, Sensor | Keyed] | None) 
     return channels
 
 
-#: Typical delay of a valve, s, which scales its coordinate (assumed).
+#: Typical delay of a valve, s (assumed), which scales the coordinate of a delay.
 DELAY_SIZE_S = 2e-3
 
 
@@ -200,9 +200,9 @@ class SensorParameter:
 def sensor_parameters(
     channels: Iterable[Channel], recordings: Sequence[tuple[str, list[Channel]]], *, delay: bool
 ) -> list[SensorParameter]:
-    """Return the free parameters of the sensors: an offset for each recording with the channel; gain and lag once.
+    """Return the free parameters of the sensors: an offset for each recording, but one gain and one lag for all.
 
-    A recording is a pair of its name and its channels. With `delay`, the delay of each recording's command is added.
+    Each recording is given as a pair: its name and its channels. `delay` adds a command delay for each recording.
     """
     which = [f" [{name}]" if len(recordings) > 1 else "" for name, _ in recordings]
     out = [
@@ -229,7 +229,7 @@ def white_noise(values: Array) -> float:
 
 
 def lagged(time_s: Array, values: Array, lag_s: float) -> Array:
-    """Pass columns through a lag of first order, exactly for values that are linear between the samples.
+    """Pass columns through a first-order lag. The result is exact for values that are linear between the samples.
 
     Parameters
     ----------

@@ -77,7 +77,7 @@ class SlidingCurve(Shown):
     lost : tuple of str
         Effects of quantities other than speed, which the law of another tool does not include.
     unwritten : tuple of str
-        Parts of the friction law without an entry.
+        Parts of the friction law that `entries` does not contain.
     """
 
     title: str
@@ -93,7 +93,7 @@ class SlidingCurve(Shown):
 
 
 def speeds_over(between: object, source: str) -> Array:
-    """Return the speeds of a curve between two limits, in m/s. If these are missing, the error names the `source`.
+    """Return the speeds of a curve between two limits, in m/s. If a limit is missing, the error names the `source`.
 
     Raises
     ------
@@ -210,8 +210,8 @@ INTERVALS = (19, 57, 133, 399)
 #: Allowed relative deviation at the speeds of the curve. Midway between knots, the deviation is at most a quarter
 #: larger.
 ACCURACY = 5e-7
-#: Factor by which the deviation falls from 133 to 399 intervals, where it is zero at the speeds of the curve: the error
-#: of a cubic spline is proportional to the fourth power of the interval.
+#: Deviation with 133 intervals divided by that with 399 intervals. The error of a cubic spline is proportional to the
+#: fourth power of the interval. With 399 intervals, the deviation is zero at the speeds of the curve.
 FALL = 3.0**4
 
 

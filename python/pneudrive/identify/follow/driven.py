@@ -1,4 +1,4 @@
-"""Circuit whose piston follows a recorded motion, as a function of its free parameters, and recordings for it."""
+"""Circuit whose piston follows a recorded motion, as a function of the free parameters, and its recordings."""
 
 from __future__ import annotations
 
@@ -168,7 +168,7 @@ SIDES = ("a", "b")
 STIFF_RAD_S = 4000.0
 #: Start values of a wall if the circuit states none (assumed): J/K, m2 (held), and W/(m2 K).
 WALL = {"wall_capacity": 5e3, "wall_outer_area": 1.0, "wall_outer_heat_transfer": 30.0}
-#: Start value of a leak: it exchanges this fraction of the gas in this time, s (assumed).
+#: Start value of a leak: this fraction of the gas leaks in this time, s (assumed).
 LEAK_SHARE, LEAK_TIME_S = 0.01, 100.0
 #: Groups of parameters: short name -> meaning; and units of parameters.
 GROUPS, UNITS = number_table("groups"), number_table("circuit_units")

@@ -102,8 +102,8 @@ def _open_doubts(driven: DrivenCircuit, record: DrivenRecording) -> list[str]:
 def misfit_notes(solution: FollowSolution) -> list[str]:
     """Return the likely causes of residuals that are too large for this model.
 
-    A possible cause is pressures that were read as gauge instead of absolute, or the reverse. It is returned if the
-    recordings fit better with the other reading.
+    A possible cause is a confusion of gauge and absolute pressures. This cause is returned if the recordings fit better
+    with the other reading.
     """
     problem, point = solution.problem, solution.point
     ambient = problem.driven.form["ambient"]["pressure_pa"]
@@ -525,7 +525,7 @@ def simulate_motion(
     Parameters
     ----------
     circuit : FollowFit, Circuit or path
-        A path is that of a circuit file, or of the file of a fit along motions.
+        A path leads to a circuit file, or to the file of a fit along motions.
     recording : path or Recording
     layout : Layout or path, optional
 

@@ -229,7 +229,7 @@ def simulated(problem: FollowProblem, point: FollowPoint) -> FollowSolution:
 
 
 def _jacobians(found: FollowSolution, pool: ThreadPoolExecutor) -> list[Array]:
-    """Return the Jacobian of each recording's residuals: columns of shared, then of the recording's parameters."""
+    """Return the Jacobian of each recording's residuals: columns of shared parameters, then those of the recording."""
     problem, point, residuals = found.problem, found.point, found.residuals
     shared, groups = len(problem.numbers), _groups(problem)
     jobs, steps = [], np.r_[np.full(shared, SHARED_STEP), STEPS]

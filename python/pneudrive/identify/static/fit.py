@@ -1,8 +1,8 @@
 """Fits of friction laws to friction maps.
 
 `fit_friction` is for laws that are linear in their forces. It gives profile intervals, and fits only the part of the
-law that the data determine. `fit_any_law` needs only the bounds of a law. It searches from several
-starts. Its intervals are first order in the logarithm of positive parameters. Parameters without effect on steady
+law that the data determine. `fit_any_law` needs only the bounds of a law, and searches from several starts. The
+intervals of `fit_any_law` are first order in the logarithm of positive parameters. Parameters without effect on steady
 sliding keep their given values.
 """
 
@@ -88,7 +88,7 @@ def fit_friction(
     Notes
     -----
     Rows are weighted by their statistical standard error. A common scale of these errors is estimated from the
-    residuals, so that intervals stay valid if the stated errors are too small by a factor. Intervals use Student's t.
+    residuals, so that intervals stay valid if all stated errors are too small by one factor. Intervals use Student's t.
     The intervals of Stribeck velocity and breakaway force use the profile likelihood, because they are far from
     symmetric. Intervals of forces cover all Stribeck shapes that fit equally well. All rows share the systematic
     uncertainty, which is given separately for each parameter (`FrictionFit.systematic`). Methods: [huber2009],
@@ -136,7 +136,7 @@ def _mm_s(speed: float) -> str:
 
 
 def _span(data: sliding.Observations) -> dict[str, str]:
-    """Return the slowest and the fastest level as text."""
+    """Return the slowest and the fastest speed level as text."""
     return {"slowest": _mm_s(float(data.speed_m_s.min())), "fastest": _mm_s(float(data.speed_m_s.max()))}
 
 
@@ -190,7 +190,7 @@ def _curve_names(model: sliding.FrictionModel) -> list[str]:
 def _with_pressure(
     wanted: sliding.FrictionModel, data: sliding.Observations, pressure: str
 ) -> tuple[sliding.FrictionModel, list[Undetermined]]:
-    """Add the part of the dependence on pressure that the levels can determine."""
+    """Add the part of the dependence on pressure that the measured pressure levels can determine."""
     forces = sliding.FORCES[: 1 + wanted.stribeck]
     gauges = {"a": data.gauge_a_pa, "b": data.gauge_b_pa}
     chambers = tuple(c for c, g in gauges.items() if np.ptp(g) > SAME_PRESSURE_PA)

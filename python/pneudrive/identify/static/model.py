@@ -106,7 +106,7 @@ class Observations:
 def at_conditions(
     speed_m_s: ArrayLike, gauge_a_pa: ArrayLike, gauge_b_pa: ArrayLike, ambient_pa: float = STANDARD_ATMOSPHERE_PA
 ) -> Observations:
-    """Return rows at the given speeds and gauge pressures (broadcast) to evaluate a law; friction is a dummy.
+    """Return rows to evaluate a law at given speeds and gauge pressures (broadcast); their friction is a dummy value.
 
     Each condition is a number or an array in SI, or a quantity such as ``"3 bar abs"``. `ambient_pa` converts absolute
     pressures to gauge. The sign of a speed is ignored.
@@ -121,7 +121,7 @@ def at_conditions(
 
 
 class StaticLaw:
-    """Protocol of steady sliding friction as a function of the free parameters of a law."""
+    """Interface of a friction law: steady sliding friction as a function of its free parameters."""
 
     names: Any  # tuple of str
     stribeck: Any = False  # whether the law has a Stribeck part and is linear in its forces

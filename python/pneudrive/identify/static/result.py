@@ -91,7 +91,7 @@ class SlidingFit(Fit):
 
 #: Residuals above which a law does not follow its values: in standard errors, and as a fraction of friction (assumed).
 MISFIT, SMALL = 5.0, 0.05
-#: Condition of a prediction -> its name, its usual unit in SI and as text, and the smallest difference.
+#: Condition of a prediction -> its name, the SI value and the text of its usual unit, and the smallest difference.
 RANGES = {"speed_m_s": ("a speed", 1e-3, "mm/s", 0.0)}
 RANGES |= {f"gauge_{side}_pa": (f"a pressure in chamber {side}", 1e5, "bar gauge", SAME_PA) for side in "ab"}
 #: Fraction of a value within which it agrees with the measured range.
@@ -101,8 +101,8 @@ LAWS = ("coulomb", "stribeck")
 STATISTICS = ("values", "degrees_of_freedom", "scale", "variance", "rms_n")
 
 
-#: Largest deviation between the curves of drive and fit, as a fraction of friction, caused by kept values without a
-#: warning.
+#: Values that a drive keeps cause no warning if the curves of drive and fit differ by less than this fraction of
+#: friction.
 KEPT_SHARE = 0.01
 #: Parameters of the steady curve over speed.
 STEADY = ("coulomb", "breakaway", "stribeck_velocity", "viscous")
@@ -470,7 +470,7 @@ class LawFit(SlidingFit, kind="law"):
         return force.reshape(np.broadcast(*conditions).shape)
 
     def apply(self, drive: Drive) -> Drive:
-        """Return a drive with this law, each determined value with its interval and its recordings.
+        """Return a drive with this law. Each determined value states its interval and its recordings.
 
         A drive with the same law keeps its undetermined parameters. Any other drive gets the whole law, with unfitted
         parameters at the values of the fit.

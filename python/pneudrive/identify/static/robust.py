@@ -478,8 +478,8 @@ KNEES = (0.1, 0.2, 0.35, 0.6, 1.0, 1.6, 2.5, 4.0)
 
 #: Factors of further knees between the best knee and its neighbours.
 FINER = np.geomspace(0.6, 1.0 / 0.6, 9)
-#: Candidate shapes: exponent of the Stribeck curve (0.5 to 2 in the literature [armstrong1994]), and whether
-#: Lorentzian.
+#: Candidate shapes: exponent of the Stribeck curve (0.5 to 2 in the literature [armstrong1994]), and whether the curve
+#: is Lorentzian.
 SHAPES = ((0.5, False), (1.0, False), (2.0, False), (2.0, True))
 #: Factors of knees about the best one. Intervals are joined over the knees that the data allow.
 NEIGHBOURS = np.geomspace(1.0, 40.0, 61)[1:]

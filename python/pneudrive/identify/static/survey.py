@@ -48,13 +48,13 @@ BETWEEN_RUNS = np.linspace(0.0, 0.4, 9)
 #: Grid of the relative scatter of a seal's recordings, sigma_s, and of its common value tau.
 SCATTER = np.geomspace(0.008, 0.6, 20)
 COMMON = np.geomspace(0.01, 0.5, 12)
-#: Grid of 1/nu: variation of the scatter between seals, from small to very large.
+#: Grid of 1/nu, which states how much the scatter differs from seal to seal: from little to very much.
 DIVERSITY = np.linspace(0.02, 0.5, 7)
 #: Start of the Wiener process, below all gauge pressures; its exact value has no effect.
 VACUUM_PA = -1.1e5
 #: Ratio of highest to lowest speed of a seal below which its friction is modelled without dependence on speed.
 SPEED_SPAN = 3.0
-#: Least number of recordings beyond the parameters, over all seals, to estimate a scatter.
+#: Smallest number of recordings minus parameters, over all seals, from which a scatter is estimated.
 LEAST_FREEDOM = 3
 #: Standard deviation of an integrated Wiener process of unit roughness from its chord, in the middle of a unit range.
 MIDDLE = 48.0**-0.5
@@ -101,7 +101,8 @@ class Survey(Shown):
     span_pa : float
         Largest range of gauge pressure of one seal: the unit of the roughness.
     weights : dict
-        Seal -> posterior probability of roughness, scatter between runs and scatter on their grids, shape (11, 9, 20).
+        Seal -> joint posterior probability of roughness, scatter between runs and scatter between recordings on their
+        grids, shape (11, 9, 20).
     """
 
     seals: dict[str, Surveyed]
@@ -140,7 +141,7 @@ class Survey(Shown):
         Returns
         -------
         Prediction
-            Its interval contains the mean of a new recording with that probability, including uncertainty of the
+            The interval contains the mean of a new recording with that probability. It covers uncertainty of the
             parameters, scatter between recordings, and deviation from a straight line.
         """
         if seal not in self.seals:
@@ -333,7 +334,7 @@ def _restricted(one: Surveyed, span: float) -> Array:
 
 
 def _quantiles(value: Array, deviation: Array, weight: Array, probability: float) -> ArrayPair:
-    """Return the interval of n mixtures of m normal distributions, by bisection."""
+    """Return the interval of each of n mixtures of m normal distributions, by bisection."""
     from scipy.special import ndtr
 
     keep = weight > 1e-6 * weight.max()

@@ -200,13 +200,13 @@ ENDS = 0.1
 AVERAGE = SourcePaper().average_samples
 #: Limit between low and high speeds in the checks, m/s.
 LOW_M_S = 2e-3
-#: Fraction of neighbouring curves in the order of pressure that is required for "holds in part".
+#: Verdict "holds in part": required fraction of neighbouring curves that are in the order of their pressures.
 ORDERED_IN_PART = 0.8
 HIGH_M_S = 20e-3
 
 
 def figure_5(run: Campaign) -> PaperFigure:
-    """Return friction over time through one cycle at 2 mm/s. It is largest right after the turn.
+    """Return friction over time through one cycle at 2 mm/s. The friction is largest right after the turn.
 
     Parameters
     ----------
@@ -217,7 +217,7 @@ def figure_5(run: Campaign) -> PaperFigure:
     -------
     PaperFigure
         Columns of the stroke after the turn: time since the turn, friction as read and with the moving average of five
-        samples, and mean friction of the rest.
+        samples, and mean friction of the rest of the stroke.
     """
     file = next(run.cycles())
     recording = recording_of(file, run.identity, file.samples())[0]
@@ -257,7 +257,7 @@ def figure_5(run: Campaign) -> PaperFigure:
 
 
 def figure_6(run: Campaign) -> PaperFigure:
-    """Return mean friction over speed by the paper's protocol. It is largest at the lowest speeds.
+    """Return mean friction over speed by the paper's protocol. The friction is largest at the lowest speeds.
 
     Parameters
     ----------
@@ -338,7 +338,7 @@ def figure_8(run: Campaign) -> PaperFigure:
     -------
     PaperFigure
         Columns: speeds (m,) and gauge pressures (k,). The sensor's force, its parts from air and seal, and the seal's
-        truth have shape (k, m).
+        true friction have shape (k, m).
     """
     found = campaign_friction(run, SourcePaper(average_samples=1))
     shares = _shares(found)
@@ -425,7 +425,7 @@ OPENING = 0.0016
 FASTER = 10
 FASTER_S = 6.0
 MIDDLE_M = (0.15, 0.45)  # of the stroke of 0.5 m, so that neither start nor stop counts
-#: Length of steps from which positioning is difficult, m (our interpretation).
+#: Smallest length of steps that make positioning difficult, m (our interpretation).
 COARSE_M = 1e-3
 START = "position = 0.05 m, pressure_a = 3 bar abs, pressure_b = 3 bar abs"
 SKIPPED_S = 4.0
@@ -434,7 +434,7 @@ SAMPLE_RATE = "1 kHz"
 #: Sensors of the drive in figure 1 (assumed): position in steps of 5 um, pressures to 10 bar with 16 bits.
 ENCODER = Encoder(5e-6)
 PRESSURE_SENSOR = AnalogSensor(0.0, 1.1e6, 16, noise=200.0)
-#: Half width, in samples, of the window for the speed as slope of the counted position (25 ms).
+#: Half width, in samples, of the window (25 ms) in which the slope of the encoder position gives the speed.
 SLOPE_HALF_WIDTH = 12
 
 
@@ -521,7 +521,7 @@ def sticks(found: StickSlip) -> bool:
 
 # --- Figure 9: effect of a stop of 15 s in the middle of a stroke on friction.
 
-#: Peak, as a fraction of running friction, that counts as a change of the characteristics, and as a high dependence.
+#: Fractions of running friction. A higher peak counts as a change of the characteristics, or as a high dependence.
 CHANGE, HIGH = 0.05, 0.2
 #: Travel after which a change counts as lasting, m (our interpretation: a tenth of a stroke of 200 mm).
 LASTING_M = 20e-3

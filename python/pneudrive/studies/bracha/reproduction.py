@@ -142,7 +142,7 @@ NARROW = 0.5
 LONG = {"tubing": {side: {"length": "5 m", "diameter": "4 mm"} for side in "ab"}}
 #: Relative reduction of the speed that counts as significant.
 SIGNIFICANT = 0.2
-#: Ratio to the error of a usual law below which a law counts as clearly better.
+#: A controller counts as clearly better if its error divided by that of a usual controller is below this ratio.
 BETTER = 0.5
 
 
