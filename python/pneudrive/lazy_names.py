@@ -16,7 +16,7 @@ _LOCK = RLock()
 
 
 def upper(name: str) -> Any:  # noqa: ANN401 - any function
-    """Return a function of an upper layer, for a method of a lower layer. ``upper.toml`` lists these functions."""
+    """Import a function of an upper layer for a method of a lower layer. ``upper.toml`` lists these functions."""
     from pneudrive.errors import package_table
 
     homes = {own: module for module, names in package_table(__file__, "upper.toml").items() for own in names}

@@ -452,7 +452,7 @@ class ResultComparison(Shown):
         ]
 
     def figure(self) -> Figure:
-        """Return a figure of at most four pairs of curves, differing pairs first, and of their differences with bands.
+        """Return a figure of at most four pairs of curves and their differences with bands; differing pairs come first.
 
         Raises
         ------

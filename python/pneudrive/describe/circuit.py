@@ -644,7 +644,7 @@ def _read_components(
 
 
 def _used(name: str, table: Plain) -> Plain:
-    """Merge a component's table over the table of the catalogue part that its key `use` names."""
+    """Merge a component's table into the table of the catalogue part that the component's key `use` names."""
     own = {key: value for key, value in table.items() if key != "use"}
     with within_component(name, table):
         part = catalogue.part_table(table["use"])

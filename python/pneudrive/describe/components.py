@@ -88,7 +88,7 @@ class Component(Described):
 
     @classmethod
     def over(cls, base: Keyed, own: Keyed) -> Plain:
-        """Merge the user's values over the values of a catalogue part, see `merge`."""
+        """Replace values of a catalogue part by the user's values; see `merge`."""
         return merge(cls.flat(base), cls.flat(own))
 
     @model_validator(mode="after")
@@ -209,7 +209,7 @@ class Component(Described):
 
 
 def merge(base: Keyed, changes: Keyed, optional: str = "") -> Plain:
-    """Merge changes over a description, table by table. Values retain their origins.
+    """Merge changes into a description, table by table. Values retain their origins.
 
     A new flow size replaces the old size of the same flow path, even under another key, such as `kv`. A new friction
     law removes the parameters of the old law. The kind `rodless` removes the rod diameter. Sizes with and without the

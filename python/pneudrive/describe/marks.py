@@ -46,7 +46,7 @@ class Bounds:
         return None if math.isfinite(value) else "finite"
 
     def beyond(self, given: object, value: float) -> None:
-        """Raise `DescriptionError` if a value exceeds the bound of `pneudrive.files.bounds` that `bound` names."""
+        """Raise `DescriptionError` if a value exceeds the bound named `bound` in `pneudrive.files.bounds`."""
         assert self.bound is not None
         within(self.bound, value, f'"{given}" is out of bounds', DescriptionError)
 

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
     ShortNames = tuple[str, tuple[tuple[str, str], ...], bool]
 
-#: Component whose name is left out in a drive's names of variables.
+#: Component whose name a drive leaves out of its variable names.
 PISTON = "cylinder"
 #: Names of a drive -> names of its circuit.
 DRIVE_NAMES = package_table(__file__, "drive_names.toml")

@@ -31,8 +31,8 @@ class FixedVolume(Described):
 
     The heat flow through the whole wall is `heat_transfer` times the temperature difference between wall and gas: 0 is
     adiabatic, a large value isothermal. `leakage` is the sonic conductance of the leak into the ambient air; its
-    critical pressure ratio is assumed to be 0.2. By default, the wall has ambient temperature, and the gas starts at
-    the temperature of the wall.
+    critical pressure ratio is assumed to be 0.2. The wall has ambient temperature by default. The gas starts at the
+    temperature of the wall by default.
     """
 
     volume_m3: Annotated[float, marks.Quantity("m^3", "dm3", marks.POSITIVE)] = Field(alias="value")

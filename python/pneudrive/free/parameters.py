@@ -1,7 +1,7 @@
 """Numbers of a drive or a circuit that can be free parameters, and their names.
 
 In a drive, names are those of its file (``friction.coulomb``, ``cylinder.dead_volume.a``, ``valve.conductance``). In a
-circuit, names begin with the component (``left.friction.coulomb``). Values are in SI; pressures are absolute. Any
+circuit, names begin with the component (``left.friction.coulomb``). Values are in SI; pressures are absolute. Each
 number of the description can be free.
 """
 

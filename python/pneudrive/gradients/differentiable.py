@@ -106,13 +106,13 @@ class Differentiable:
         return self._reduce(self._run(values, derivatives=False))[0]
 
     def jacobian(self, values: ArrayLike) -> Array:
-        """Return the derivatives of the results, shape (k, p). Errors are those of a call of the object."""
+        """Return the derivatives of the results, shape (k, p). The errors are those of calling the object."""
         return self.value_and_jacobian(values)[1]
 
     def value_and_jacobian(self, values: ArrayLike) -> ArrayPair:
         """Return results and derivatives of one run, shapes (k,) and (k, p).
 
-        Errors are those of a call of the object.
+        The errors are those of calling the object.
         """
         return self._reduce(self._run(values, derivatives=True))
 

@@ -107,7 +107,7 @@ def is_table(value: object) -> bool:
 
 
 def merge(base: Keyed, changes: Keyed, is_inner: Callable[[object], bool] = _is_dict) -> Plain:
-    """Merge changes over a base, table by table; a change that is not a table replaces the old value.
+    """Merge changes into a base, table by table; a change that is not a table replaces the old value.
 
     Examples
     --------

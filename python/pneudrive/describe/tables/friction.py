@@ -82,7 +82,7 @@ _STRIBECK_VELOCITY_M_S = 0.02
 _PASSIVE_SHARE = 0.5
 
 
-#: Assumed parameter of a table without a law -> its sources, and its value as a function of them.
+#: Assumed parameter of a table without a law -> keys of its sources, and function of their values.
 _FOLLOWS: dict[str, tuple[tuple[str, ...], Callable[..., float]]] = {
     "bristle_stiffness": (("breakaway",), lambda breakaway: breakaway / _BREAKAWAY_DISPLACEMENT_M),
     "bristle_damping": (("bristle_stiffness",), lambda stiffness: stiffness * _DAMPING_TIME_S),

@@ -316,7 +316,7 @@ class Cylinder(_DrivePart):
     is assumed to be 0.2.
 
     The heat transfer to the walls follows from a law [woodfield2007, geankoplis1993]. `heat_transfer_scale` multiplies
-    the law, which is accurate to a factor of 2. `port_diameter` is the bore of the ports. By default, it is the bore of
+    the law, which is accurate to a factor of 2. `port_diameter` is the bore of the ports. The default is the bore of
     a nozzle with the conductance of the valve. A stated `heat_transfer` is a constant coefficient that replaces the
     law. With a stated coefficient, the dead volumes have no wall.
     """
