@@ -239,7 +239,7 @@ def assumptions(tunings: Mapping[str, Tuning]) -> Plain:
 
 
 def store_about(folder: Path, about: Keyed) -> None:
-    """Write the description of a comparison into a folder, and remove the scores of the comparison before.
+    """Write the description of a comparison into a folder, and remove the scores of the previous comparison.
 
     Raises
     ------
@@ -337,7 +337,7 @@ def _logged(text: str, *keys: str) -> Iterator[tuple[Score | None, list[Any]]]:
             yield None if entry["score"] is None else Score(**entry["score"]), [entry[key] for key in keys]
 
 
-# --- Comparison of laws along references with seeds or members of a spread; each run is kept, by file or by score.
+# --- Comparison of laws along references with seeds or members of a spread; each run is kept as a file or a score.
 
 STEP_REPEATS = 3  # repeats of each step of kept runs, to measure its undisturbed time
 
@@ -351,7 +351,7 @@ def core_hash() -> str:
 
 
 def mark_of(out: Path, tunings: Mapping[str, Tuning]) -> str:
-    """Return an identifier for runs of custom laws. It is new if the comparison is finished or the code has changed.
+    """Return an identifier for runs of custom laws: a new one if the comparison is finished or the code has changed.
 
     Input files of custom code are unknown and cannot be part of the identifier.
     """
@@ -460,7 +460,7 @@ def standard(drive: DriveOrCircuit) -> dict[str, Reference]:
     Raises
     ------
     DescriptionError
-        If no law can command the drive.
+        No law can command the drive.
 
     Examples
     --------
@@ -513,10 +513,10 @@ def benchmark(
     spread : Mismatch, str or path-like, optional
         ``"standard"``, or a TOML file with ranges. Members replace the seeds, and each member is a different drive.
     members : int, optional
-        Number of members of the spread; 200 by default. A member with the same number is the same in every comparison.
+        Number of members of the spread; 200 by default. Member 1, for example, is the same drive in every comparison.
     threads : int, optional
-        Number of simultaneous runs; by default the number of processors. Results do not depend on it. Custom laws run
-        one after the other.
+        Number of simultaneous runs; by default the number of processors. Results do not depend on this number. Custom
+        laws run one after the other.
     allow_code : str, optional
         SHA-256 of the file of a custom law; required if only a controller file names this law.
     progress, cancel : optional
@@ -577,7 +577,7 @@ def benchmark(
 
 
 def true_drive(described: Prepared, spread: Mismatch | None, member: int) -> Prepared:
-    """Return the inputs of a run of one member of a spread; without a spread, those of the described drive."""
+    """Return the inputs of a run: of one member of a spread, or of the described drive if there is no spread."""
     return described if spread is None else deviating(described, spread, spread.drawn(SPREAD_SEED, member))
 
 

@@ -149,7 +149,7 @@ def _percent(share: float) -> str:
 
 
 def _asked(tuning: Tuning, reference: Reference) -> tuple[Demand, float | None]:
-    """Return the demands of a reference, and the smallest factor of time at which it is feasible, or None."""
+    """Return the demands of a reference, and the smallest factor of time that makes the reference feasible, or None."""
     seen_s = (
         _PERIODS / reference.frequency_hz if reference.is_sine else reference.duration_s - reference.rest_s + _SEEN_S
     )
@@ -200,7 +200,7 @@ def feasibility(tuning: Tuning, reference: Reference) -> Feasibility:
 #: Reference of the trial, largest error as a fraction of its travel, and factors on the mass (assumed).
 ALONG, MOST, MASSES = "R3", 0.1, {"as described": 1.0, "with half of its mass": 0.5}
 BASELINES = ("pid", "fuzzy")
-#: Longest tried additional dead time, s, number of bisections, and dead time that a controller should tolerate, s
+#: Additional dead time: longest tried value, s, number of bisections, and value that a controller should tolerate, s
 #: (assumed).
 LONGEST_LAG_S, HALVINGS, ENOUGH_LAG_S = 8e-3, 5, 1e-3
 #: Advice for determining the parameters of a valve.
@@ -318,9 +318,9 @@ def view_of_lag(drive: DriveOrCircuit, tuning: Tuning, setup: SetupOrFile) -> Vi
 
 MOST_SAMPLES = 20_000_000
 RTOL = 1e-5
-#: Distance of a reference from its points above which a warning is given, m, unless the sensor is coarser (assumed).
+#: A warning is given if a reference misses its points by more than this distance, m, or the sensor's step (assumed).
 LEAST_MISSED_M = 1e-5
-#: Meaning of the columns that a trajectory does not have.
+#: Meaning of the columns that only a run under control has.
 MEANINGS = {
     "reference_m": "reference position",
     "command": "command of the law, as it leaves the converter",
@@ -506,7 +506,7 @@ def prepare(
 
 
 def deviating(prepared: Prepared, mismatch: Mismatch, drawn: NamedNumbers) -> Prepared:
-    """Return the inputs of a run of a drive that deviates by the sampled values of a mismatch."""
+    """Return the inputs of a run whose drive deviates by the sampled values of a mismatch."""
     core_json, volume, setup, true = mismatched(prepared.core_json, prepared.plant, prepared.setup, mismatch, drawn)
     return prepared._replace(core_json=core_json, start=prepared.start | volume, setup=setup, deviations=true)
 
@@ -514,7 +514,7 @@ def deviating(prepared: Prepared, mismatch: Mismatch, drawn: NamedNumbers) -> Pr
 def _warnings(prepared: Prepared, unseen: str) -> Iterator[str]:
     """Yield warnings of a run: inputs without effect, or with an unexpected effect. Reject switches outside the stroke.
 
-    `unseen` is the name of a deviation of pressure sensors that the setup does not have.
+    `unseen` is the name of a deviation of pressure sensors, if the setup has no pressure sensors.
     """
     along, setup, stroke_m = prepared.reference, prepared.setup, prepared.plant.stroke_m
     least = max(setup.sensors.position.resolution_m or 0.0, LEAST_MISSED_M)

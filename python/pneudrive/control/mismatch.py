@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from pneudrive.control.tuning import Plant
 
 READY = Path(__file__).with_name("mismatches")
-#: Volume behind the conductance of a weak supply, and its critical pressure ratio (assumed).
+#: Weak supply (assumed): volume behind its conductance, m3, and critical pressure ratio of the conductance.
 SUPPLY_VOLUME_M3, SUPPLY_RATIO = 0.2e-3, 0.5
 
 
@@ -147,11 +147,11 @@ class Mismatch(Described):
         return out
 
 
-#: A mismatch, the name of one of the package, or a TOML file.
+#: A mismatch, the name of a mismatch in the package, or a TOML file.
 MismatchOrFile: TypeAlias = Mismatch | str | Path
 
-#: Deviation -> components that have it, and its parameters there. Values of a spool and of sensors replace those of the
-#: description, other values multiply them. Random values depend on this order.
+#: Deviation -> components that it affects, and their parameters. Values of a spool and of sensors replace described
+#: values; other values multiply them. Random values depend on the order of this table.
 PLACES = {
     "friction_level": ("friction", ("coulomb", "breakaway")),
     "viscous": ("friction", ("viscous",)),
@@ -252,7 +252,7 @@ def _other_law(word: str, friction: Keyed) -> Plain:
 
 
 def _supply(form: Plain, drawn: NamedNumbers, conductance: float) -> NamedNumbers:
-    """Add a restricted supply line in place, and return the start state of the volume in it."""
+    """Add a restricted supply line to `form`, and return the start state of the volume in this line."""
     if "supply_conductance" not in drawn:
         return {}
     # A commanded circuit has exactly one supply.

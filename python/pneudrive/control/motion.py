@@ -1,4 +1,4 @@
-"""References: wanted position over time as moves, a sine or polynomials, from text or file, checked for a drive."""
+"""References: desired position over time as moves, a sine or polynomials; reading from text or file, and checks."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ REST = 4  # coefficients of a spline that are equal at an end where it is at res
 BLEND = (0, 0, 0, 0, 35, -84, 70, -20)
 #: Ratio of the largest to the mean speed of the blend.
 PEAK = 2.1875
-#: Velocity that grows from 0 to 1 by the blend of degree 7, integrated.
+#: Integral of a velocity that grows from 0 to 1 by the blend of degree 7.
 _RUN_UP = (0, 0, 0, 0, 0, 7, -14, 10, -2.5)
 _ROUNDS = 200  # steps of a bisection: to the last bit
 
@@ -109,7 +109,8 @@ def _longest(fits: Callable[[float], bool]) -> float:
 def along_line(begin_s: float, start_m: float, to_m: float, duration_s: float, run_up_s: float) -> list[Row]:
     """Return a move at constant velocity, with blends at its start and end.
 
-    At constant velocity, the whole distance would take `duration_s`. The blends add `run_up_s`, at most `duration_s`.
+    At constant velocity, the whole distance would take `duration_s`. The blends add `run_up_s` to this time, but at
+    most `duration_s`.
     """
     way = to_m - start_m
     run_up = min(run_up_s, duration_s)
@@ -668,7 +669,8 @@ def check_reach(of: Reference, stroke_m: float, speeds_m_s: Pair) -> None:
 
 # --- Standard references, by which laws are compared.
 
-#: Largest fraction of a drive's speed in a standard reference, and fraction of a short stroke for a sine (assumed).
+#: Largest fraction of a drive's speed in a standard reference, and fraction of a short stroke in place of 60 mm
+#: (assumed).
 _SPEED_SHARE, _STROKE_SHARE = 0.85, 0.3
 #: References of a comparison by default.
 USUAL = ("R1", "R2", "R3", "R5", "R6")

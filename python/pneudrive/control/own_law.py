@@ -75,7 +75,7 @@ class OwnLaw:
     Attributes
     ----------
     name : str
-        ``"mine.py:Law"``, or the name of its class.
+        ``"mine.py:Law"``, or the name of the law's class.
     digest : str
         Hash of the file with the law. An object cannot be hashed, so it gets a new identifier each time.
     """
@@ -123,7 +123,7 @@ def own_law(given: object, *, allow_code: str | None = None, found_in: str = "")
     given : object or str
         A class, an instance, ``"mine.py:Law"`` or ``"package.module:Law"``.
     allow_code : str, optional
-        SHA-256 of a code file. It allows code to run that the user has not named, but another file.
+        SHA-256 of a code file. Code that another file names, instead of the user, runs only with this hash.
     found_in : str
         File that names the code; empty if the user of this run has named it.
 

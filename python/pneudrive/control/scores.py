@@ -69,9 +69,9 @@ class Score(Viewed):
     peak_pressure_rate_pa_s : float
         Largest change of a chamber's pressure from one sample to the next, per second.
     step_median_s, step_999_s, step_worst_s : float
-        Computing time of a step of the law on this machine: median, 99.9 %, worst. It differs from run to run.
+        Computing time of a step of the law on this machine: median, 99.9 %, worst. The times differ from run to run.
     step_undisturbed_s : float
-        Longest step, after the shortest time of each step in repeated runs is taken. Without repeats: `step_worst_s`.
+        Longest step, with the shortest time of each step over repeated runs. Without repeats: `step_worst_s`.
     lost : bool
         Whether the error exceeded 20 mm.
     """
@@ -109,7 +109,7 @@ class Score(Viewed):
         return view_of_score({"score": self.to_dict()})
 
 
-#: Measure -> its title in tables, factor to the unit of tables, that unit.
+#: Measure -> its title in tables, factor from SI to the unit in tables, and this unit.
 SHOWN: dict[str, tuple[str, float, str]] = package_table(__file__, "measures.toml")
 
 #: Measures that are shown for a spread.

@@ -77,7 +77,7 @@ class PressureSensor(Described):
 
 
 class ControlSensors(Described):
-    """Sensors of the controller. Without pressure sensors, the controller simulates the pressures by its model."""
+    """Sensors of the controller. Without pressure sensors, the controller simulates the pressures with its model."""
 
     table_name = "sensors"
     position: PositionSensor = PositionSensor()
@@ -250,7 +250,7 @@ class Setup(Described):
         }
 
 
-#: A setup, the name of one of the package, or a TOML file.
+#: A setup, the name of a setup in the package, or a TOML file.
 SetupOrFile: TypeAlias = Setup | str | Path
 
 
@@ -320,7 +320,7 @@ _SECONDS = marks.Quantity("s", "ms", marks.Bounds(above=0.0))
 
 
 class ControlLimits(Described):
-    """Limits of a drive under control. A reference beyond them is rejected, and a drive beyond them is stopped."""
+    """Limits of a drive under control. A reference beyond a limit is rejected; a drive beyond a limit is stopped."""
 
     table_name = "limits"
     position: Annotated[Interval | None, marks.Between("m", "mm")] = Field(
@@ -368,7 +368,7 @@ class OnFault(Described):
 
 
 def told(events: list[tuple[float, str, float]]) -> list[Plain]:
-    """Return the events of a supervisor as records of time_s, kind, value, its unit, and text."""
+    """Return the events of a supervisor as records of time_s, kind, value, unit of the value, and text."""
     known = {key: (unit, text) for key, unit, text in _core.control_events()} if events else {}
     return [
         {"time_s": time, "kind": kind, "value": value, "unit": known[kind][0], "text": known[kind][1]}

@@ -71,7 +71,7 @@ _Factor = Annotated[float, Quantity("", bounds=Bounds(at_least=0.1, at_most=10.0
 
 
 class Factors(Described):
-    """Factors of a law's gains, 0.1 to 10. The core defines which gain each of them multiplies.
+    """Factors of a law's gains, 0.1 to 10. The core defines which gain each factor multiplies.
 
     Examples
     --------
@@ -213,7 +213,7 @@ class Plant(Shown):
         Rate of the force of the filling chamber at full opening: ``k p A^2/V`` times the speed. p is the pressure of
         the supply, A and V are mean area and volume of the chambers. The emptying chamber adds about half of this rate.
     lag_s : float
-        Delay of a command: dead time of the valve, lag of its spool, and half a period.
+        Delay of a command: dead time of the valve, lag of its spool, and half a sampling period.
     coulomb_n : float
     stroke_m : float
     rest_pressures_pa : list of float
@@ -324,7 +324,7 @@ class Tuning(Viewed):
 
     @property
     def drive(self) -> Circuit:
-        """Drive that the controller assumes. A custom law reads it under this name."""
+        """Drive that the controller assumes. The attribute keeps this name because custom laws read it."""
         return self.belief
 
     @property
@@ -508,7 +508,7 @@ def tune(
 
 
 def _table(law: object, controller: ControllerOrFile | None) -> tuple[Controller, Path, str, str | None]:
-    """Return a controller, its folder, and path and text of its file, or None as the text of a given object."""
+    """Return a controller, its folder, and path and text of its file; the text is None for a given object."""
     if controller is None:
         word = OWN if isinstance(law, OwnLaw) else law or DEFAULT_LAW
         if word != OWN and word not in laws():
@@ -584,7 +584,7 @@ def _numbers_of(table: str, whose: str, values: Plain, ruled: list[_Ruled]) -> t
 
 
 def _named(key: str, source: str, folder: Path, load: Callable[[str], _Read]) -> tuple[_Read, str]:
-    """Load a drive or setup that a controller file names relative to its folder. Return it and the path read."""
+    """Load a drive or setup that a controller file names relative to its folder. Return the object and its path."""
     path = source if _is_name(source) else str(folder / source)
     try:
         return load(path), path

@@ -3,10 +3,10 @@
 Safe bounds exclude choices that cannot do the task with any setting, without simulation. Every bound uses the
 favourable end of each spread, so a removed choice fails in all samples.
 
-A pair is a cylinder with a tube, which determine the air consumption of a cycle. A probe simulates a pair with the
-widest valve and without flow control. Its air consumption applies to all choices with this pair, and its stroke time is
-a lower bound. A choice then passes three stages: nominal runs on a coarse grid of settings, tuned settings, and spreads
-with an increasing number of samples.
+A pair is a cylinder with a tube. The pair determines the air consumption of a cycle. A probe simulates a pair with the
+widest valve and without flow control. The air consumption of the probe applies to all choices with this pair, and its
+stroke time is a lower bound. A choice then passes three stages: nominal runs on a coarse grid of settings, tuned
+settings, and spreads with an increasing number of samples.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ Rank = tuple[Any, ...]
 #: Lower bound of the air of a cycle before a pair is probed, as a fraction of the air that fills both sides (assumed).
 LEAST_AIR = 0.7
 #: Uncertainty of the estimated air and margin after the probe, the nominal grid and the tuning (assumed, checked by a
-#: study of random tasks). That of simulated spreads falls with the root of the number of samples.
+#: study of random tasks). The uncertainty of simulated spreads falls with the root of the number of samples.
 AIR_SLACK = {"probed": 0.04, "rough": 0.02, "tuned": 0.015}
 MARGIN_SLACK = {"rough": 0.05, "tuned": 0.03}
 SPREAD_SLACK, SPREAD_AIR, HARDEST_AIR = 0.4, 0.1, 0.002
@@ -169,7 +169,7 @@ class SizingCandidate:
     hardest : tuple of float or None
         Air (kg) and largest margin, from the samples with the smallest margins.
     lost : Shortage or None
-        Reason why the choice cannot do the task; None while it may.
+        Reason why the choice cannot do the task; None if this is not known.
     """
 
     strokes: DriveStrokes
@@ -204,7 +204,7 @@ class SizingCandidate:
         return 0 if self.drive is None else self.drive.draws
 
     def rank_at(self, air: float, margin: float) -> Rank:
-        """Return the ranking key for an air (kg) and a margin; for those of `outlook`, the best possible key."""
+        """Return the ranking key for an air mass (kg) and a margin; with values of `outlook`, the best possible key."""
         return rank_of(self.open_checks, air, margin, self.choice.sizes, self.choice.name)
 
     def outlook(self, final: int) -> Pair:
@@ -363,14 +363,14 @@ class SafeBounds:
         return None
 
 
-#: Largest factor of a quantity for its nearest possible value, number of tried factors, and of bisections.
+#: Search for a nearest possible value: largest factor on the quantity, number of tried factors, number of bisections.
 FARTHEST, TRIED, HALVINGS = 100.0, 48, 8
 
 
 def nearest_possible(task: SizingTask, found: Parts, bounds: SafeBounds) -> tuple[str, ...]:
     """Return as text, for each quantity of the task, its nearest possible value if only this quantity is changed.
 
-    With this value, a choice passes the safe bounds. A smaller change cannot suffice; spreads may need a larger one.
+    With this value, a choice passes the safe bounds. A smaller change cannot suffice. Spreads may need a larger change.
     """
     gauge = task.supply_pa - task.ambient.pressure_pa
     back = task.return_time_s
@@ -453,7 +453,7 @@ def _dead(choice: DriveChoice, end: str) -> float:
 
 
 class Pruning:
-    """Parts of the catalogue for a task, without parts that cannot do it with any settings.
+    """Parts of the catalogue for a task, without parts that cannot do the task with any settings.
 
     Parameters
     ----------

@@ -23,7 +23,7 @@ from pneudrive.sizing.strokes import COARSE, DRAWN, RTOL, DriveStrokes, Setting,
 from pneudrive.sizing.task import WITHOUT, DriveChoice, PartChoice, SizingTask, energy_limit, peak_limit
 from pneudrive.views import Finding
 
-#: A number that may be infinite: a file then has null.
+#: A number that may be infinite; a file stores infinity as null.
 Number = Annotated[float, BeforeValidator(lambda value: math.inf if value is None else value)]
 
 # --- Whether drives meet a task: margins in each sample, the worst 1 %, and the probability with its bound.
@@ -62,7 +62,7 @@ class LimitMargin(NamedTuple):
 
     @property
     def worst(self) -> float:
-        """Value in SI that 1 % of the samples exceed; for a limit from below, that 99 % exceed."""
+        """Value in SI that 1 % of the samples exceed; for a limit from below, value that 99 % exceed."""
         return interval(self.values)[self.name != HOLDING]
 
     @property
@@ -184,14 +184,14 @@ class Shortage(NamedTuple):
 STEEL_PA = 210e9
 #: Safety factor of the rod against buckling (assumed: usual in makers' diagrams for pneumatic cylinders).
 BUCKLING_SAFETY = 5.0
-#: Effective buckling length over stroke by guide of the load, with the cylinder fixed at its front (Euler): 0.7 with a
-#: guided rod end, 2 with a free rod end.
+#: Guide of the load -> effective buckling length divided by stroke, with the cylinder fixed at its front (Euler): 0.7
+#: with a guided rod end, 2 with a free rod end.
 EFFECTIVE = {"none": 2.0, "ball": 0.7, "plain": 0.7}
 #: Smallest ratio of an actual rod diameter to an assumed one (assumed: the next smaller rod, as 10 mm below 12 mm).
 THINNER = 0.83
 #: Highest supply pressure of usual cylinders and valves, above ambient (assumed: 1.0 MPa in most catalogues).
 USUAL_SUPPLY_PA = 1e6
-#: Name of the check of flow controls. It does not count in the ranking: another flow control closes it.
+#: Name of the check of flow controls. An open check does not count in the ranking: another flow control closes it.
 NEEDLE = "opening of a needle"
 #: Smallest opening at which the needle of a flow control can be set repeatably, as a fraction (assumed).
 LEAST_OPENING = 0.1
@@ -266,9 +266,9 @@ def _check(
 def mechanical_checks(cylinder: PartChoice, task: SizingTask, end_speed: float = 0.0) -> Iterator[MachineCheck]:
     """Yield the checks that depend only on cylinder and task: side load, supply pressure, buckling, stroke and speed.
 
-    Without a guide, the cylinder carries the weight of the load across its axis. The speed
-    in the checks is the larger of `end_speed` (m/s) and the mean speed of the task. The largest force on the rod
-    results from the highest supply pressure on the whole piston.
+    Without a guide, the cylinder carries the weight of the load across its axis. The speed in the checks is the larger
+    of `end_speed` (m/s) and the mean speed of the task. The largest force on the rod results from the highest supply
+    pressure on the whole piston.
 
     Buckling, after Euler: F = pi^2 E I / (k L)^2 over the safety factor, with I = pi d^4/64, L the stroke.
     """
@@ -539,15 +539,15 @@ class Provisional:
 
 # --- One choice of parts with its settings over the spreads of a task.
 
-#: Number of samples simulated for a limit in addition to those that may fail; and estimated margin above the smallest
-#: up to which a limit is considered.
+#: Number of samples simulated for a limit in addition to those that may fail. A limit is considered if its estimated
+#: margin is above the smallest margin by less than the second number.
 HARD, NEAR = 16, 0.15
 
 
 def simulated(strokes: DriveStrokes, setting: Setting, draws: Array, rtol: float = COARSE) -> tuple[SizedDrive, Array]:
     """Simulate a choice with its settings over samples of the spreads, and compare the results with the task.
 
-    Also return a column with the margins of the samples for each limit, and one with their air (kg).
+    Also return an array: a column with the margins of the samples for each limit, and a last column with the air (kg).
     """
     out, back = (strokes.run(outward, draws, setting, rtol) for outward in (True, False))
     task, choice = strokes.task, strokes.choice

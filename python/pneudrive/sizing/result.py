@@ -265,7 +265,7 @@ class SizingResult(Viewed):
 
     @property
     def remarks(self) -> list[str]:
-        """State, yearly air, savings, a thriftier cylinder with more open checks, possible values, and the search."""
+        """State, yearly air, savings, a cylinder with less air but more open checks, possible values, and search."""
         lines = [f"{self.task.name}: {self.state}", *yearly(self)]
         lines += [f"{saving}." for saving in self.savings]
         lines += [
@@ -334,7 +334,7 @@ class SizingResult(Viewed):
         Raises
         ------
         CommandError
-            The folder does not contain a result, or it is damaged.
+            The folder does not contain a result, or the result is damaged.
         """
         folder = Path(folder)
         stored = read_json(folder / SUMMARY, CommandError)
@@ -387,7 +387,7 @@ def nearest_miss(
     short: list[tuple[Any, Any]],
     pruned: list[Shortage],
 ) -> NearestMiss:
-    """Return the choice that comes closest to the task, among simulated, otherwise tuned, otherwise pruned choices.
+    """Return the choice closest to the task: a simulated choice if there is one, then a tuned, then a pruned choice.
 
     Parameters
     ----------
@@ -474,7 +474,7 @@ class Saving(NamedTuple):
 
 
 def savings(best: DriveStrokes, sized_best: SizedDrive, draws: Array) -> Iterator[Saving]:
-    """Try changes to the best drive that may save air. Each is tuned, and simulated over samples of the spreads."""
+    """Try changes to the best drive that may save air. Each changed drive is tuned, and simulated over the spreads."""
     task, half = best.task, best.task.tube_length_m * TUBE_SHARE
     shorter = task.model_copy(update={"tube_length_m": half})
     tube = next(part for part in choices(shorter)["tube"] if part.name == best.choice.tube.name)
@@ -496,8 +496,8 @@ def savings(best: DriveStrokes, sized_best: SizedDrive, draws: Array) -> Iterato
 ABOUT, LINES, LOCK, PROVISIONAL = "sizing.json", "choices.jsonl", "sizing.lock", "provisional.txt"
 
 
-#: Version of the ranking rules. From 2 on, every choice has a limit of the energy; from 3 on, open checks count;
-#: from 4 on, also those of stroke, speed and needles, and friction holds no load.
+#: Version of the ranking rules. From 2 on, every choice has a limit of the energy. From 3 on, open checks count. From 4
+#: on, open checks of stroke, speed and needles also count, and friction does not hold a load.
 RULES = 4
 
 

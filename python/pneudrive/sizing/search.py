@@ -44,7 +44,7 @@ TOGETHER, PROBED = 16, 48
 BATCH, PROMISING, TUBES = 6, 6, 2
 #: Worst-case margin with rough settings above which a choice counts as promising: tuning adds about as much.
 PROMISES = -0.08
-#: Ratio of all samples to the first samples from which a choice is first simulated for its hardest samples.
+#: If all samples are at least this multiple of the first samples, the hardest samples of a choice are simulated first.
 WORTH = 8
 #: Number of cylinders to rank, if enough of them do the task; number of failed choices that exclude a cylinder.
 LISTED, TRIED = 4, 4
@@ -280,7 +280,7 @@ class Search:
                         self.folder.tell(made.answer)
 
     def _promise(self, one: SizingCandidate) -> tuple[bool, Rank]:
-        """Return the key that sorts the choices for simulation, with an estimate before the first run."""
+        """Return the key that sorts choices for simulation. Before the first run, the key contains an estimate."""
         known = one.drive or one.settings
         air = one.hardest[0] if one.hardest is not None else known.air if known else 0.0
         margin = one.known

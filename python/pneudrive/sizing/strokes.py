@@ -49,8 +49,8 @@ DRAWN = (
 )
 #: Random seed of the samples.
 SEED = 0
-#: Relative tolerances of runs of the ten best, and of all others. Compared with 1e-6, times differ by less than 0.01 %;
-#: with the coarse tolerance, end speeds and air by less than 0.1 % and 0.2 % (tested).
+#: Relative tolerances of runs of the ten best choices, and of all others. Compared with 1e-6, times differ by less than
+#: 0.01 %. With the coarse tolerance, end speeds differ by less than 0.1 %, and air by less than 0.2 % (tested).
 RTOL, COARSE = 1e-4, 1e-3
 #: Keys of a task that a circuit keeps as labels, for its data sheet.
 STATED = ("held_by", "clamp_force", "impact_energy")
@@ -213,7 +213,7 @@ class DriveStrokes:
         return outward, f"{numbers} {task.supply} {task.ambient.to_dict()}", *(part.form for part in parts)
 
     def template(self, outward: bool) -> tuple[System, NamedNumbers]:
-        """Return circuit and start state of a stroke in the core's form. They are equal for choices with equal keys."""
+        """Return circuit and start state of a stroke in the core's form. Choices with equal keys have the same ones."""
         key = self.template_key(outward)
         if key not in _TEMPLATES:
             paths = {}  # the two paths that the valve opens
@@ -410,7 +410,7 @@ def _run_alike(asked: Sequence[StrokeRuns], rtol: float) -> list[StrokeResults]:
 
 
 def held_s(task: SizingTask) -> tuple[float, float]:
-    """Return the times (s) for which both commands are held. They are extended to fill a stated cycle period."""
+    """Return the times (s) for which both commands are held; a stated cycle period extends these times."""
     out, back = (LONGEST * limit + LONGER_S for limit in (task.outward_s, task.back_s))
     longer = max(1.0, 3600.0 / (task.cycles_per_hour or math.inf) / (out + back))
     return longer * out, longer * back
@@ -461,12 +461,12 @@ NEEDLES = (0.75, 0.92, 1.12, 1.4, 1.8, 2.5, 4.0)
 CUSHIONS = (0.06, 0.25, 1.0)
 #: Factors of needle and cushion in two refinements about the best settings, over all cases.
 FINER = (((0.8, 1.0, 1.25), (0.5, 1.0, 2.0)), ((0.86, 0.93, 1.0, 1.07, 1.15), (0.8, 1.0, 1.22)))
-#: Number of samples that are run before the last refinement, and number of worst samples per limit that become its
-#: cases.
+#: Number of samples that are run before the last refinement, and number of worst samples per limit that become cases of
+#: this refinement.
 MORE, WORST = 24, 5
 #: Largest number of rounds of this refinement, and worst-case margin at which it ends early.
 ROUNDS, SETTLED = 3, 0.1
-#: Excess over the smallest margin above which a limit is not considered first for a pair (assumed).
+#: Only limits whose margin exceeds the smallest one by at most this value select the first cases of a pair (assumed).
 DECIDES = 0.3
 #: Time margin by which a smaller opening may be faster, due to solver errors and rebounds (assumed).
 TIME_SLACK = 0.03

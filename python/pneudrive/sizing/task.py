@@ -253,7 +253,7 @@ def _meanings(part: Described) -> Plain:
     return {key: _meanings(value) if isinstance(value, Described) else text for key, (value, text) in each.items()}
 
 
-# --- Parts of the catalogue for a task: cylinders, valves, tubes, flow controls, with assumed values for gaps.
+# --- Parts of the catalogue for a task: cylinders, valves, tubes, flow controls; missing values are assumed.
 
 PROPORTIONAL, FLOW_CONTROL = "valve/proportional-5/3", "flow-control"
 #: Slots of a drive -> kinds of components for it.

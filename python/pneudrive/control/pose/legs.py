@@ -45,8 +45,8 @@ KNOT_S, BEYOND_S = 5e-3, 0.1
 STEP_S = 1e-4
 #: Fraction of a leg's force acting on another leg, above which independent controllers may oscillate (measured).
 MOST_COUPLED = 0.4
-#: Law that takes the inertia of all legs into account. Errors of its model act on the heaviest motion of all legs,
-#: relative to the mass of one leg. Above this ratio its bandwidth falls with the cube root of the ratio (measured).
+#: Law that takes the inertia of all legs into account, and a ratio: inertia of the heaviest motion of all legs over the
+#: mass of one leg. Above this ratio, model errors reduce the bandwidth by the cube root of the ratio (measured).
 DECOUPLING, HEAVIEST = "inversion", 12.0
 
 
@@ -293,9 +293,9 @@ def run_pose(
 ) -> xr.Dataset:
     """Simulate a platform under control along a path of its pose. Controllers and platform use the same equations.
 
-    Each leg has a controller. It receives position, velocity, acceleration and jerk of the leg from the path. It
-    receives moving mass, load and rate of the load from the inverse dynamics of the described platform. The controllers
-    of ``"inversion"`` use the inertia that couples the legs, so that together they control the pose of the platform.
+    Each leg has a controller. The path gives the controller position, velocity, acceleration and jerk of the leg. The
+    inverse dynamics of the described platform give moving mass, load and rate of the load. The controllers of
+    ``"inversion"`` use the inertia that couples the legs, so that together they control the pose of the platform.
 
     Parameters
     ----------
@@ -311,7 +311,7 @@ def run_pose(
         Seed of all noise, and of the random values of a mismatch with ranges.
     payload : str or sequence of str, optional
         Mass at ``payload_at`` of the platform, such as ``"2 kg"``. No controller knows this mass. The platform is run
-        with each of several payloads. The dataset is that of the first payload, and the score contains the spread.
+        with each of several payloads. The dataset is from the first payload; the score has the spread over payloads.
     mismatch : Mismatch, str or path-like, optional
         Deviation of each leg from its description. Each leg gets its own random value from each range.
     dynamics : str

@@ -48,7 +48,7 @@ class CoordinatePath(NamedTuple):
     amplitude : float
         Amplitude of a sine or a circle, m or rad.
     leads : bool
-        Whether this is the first coordinate of a circle or a square, a quarter of a period ahead of the second one.
+        Whether this is the first coordinate of a circle or a square, which leads the second by a quarter of a period.
     """
 
     kind: str
