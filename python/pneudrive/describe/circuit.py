@@ -321,7 +321,7 @@ class Circuit(DescribedSystem):
     def from_tables(cls, tables: Plain, text: str, path: Path) -> Circuit:
         """Make a circuit from the tables of a file.
 
-        Errors show lines of `text`. Files of custom laws and formulas are relative to the folder of `path`.
+        Errors show lines of `text`. Paths of custom laws and formulas are relative to the folder of `path`.
 
         Raises
         ------

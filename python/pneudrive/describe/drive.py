@@ -106,7 +106,7 @@ class Drive(DescribedSystem):
     def from_tables(cls, tables: Plain, text: str, path: Path) -> Drive:
         """Make a drive from the tables of a file.
 
-        Errors show lines of `text`. Files of custom laws are relative to the folder of `path`.
+        Errors show lines of `text`. Paths of custom laws are relative to the folder of `path`.
 
         Raises
         ------

@@ -484,8 +484,8 @@ class EnsembleDesign(Shown):
     ) -> EnsembleDesign:
         """Draw correlated members from the posterior of a fit.
 
-        The distribution is normal in the internal coordinates of the fit. Numbers that were not free,
-        or that the data do not determine, keep the value of the drive.
+        The distribution is normal in the internal coordinates of the fit. Numbers that were not free, or that the data
+        do not determine, keep the value of the drive.
 
         Parameters
         ----------
@@ -592,8 +592,7 @@ class EnsembleDesign(Shown):
     def _posterior(self, variation: Variation) -> tuple[Callable[[Array], Array], Plain]:
         """Return a function from points of the unit cube to values, and the description of the posterior of a fit.
 
-        The distribution is normal in the internal coordinates of the fit, so that positive values stay
-        positive.
+        The distribution is normal in the internal coordinates of the fit, so that positive values stay positive.
         """
         assert self.fit is not None
         if variation.drive.system.names is None:

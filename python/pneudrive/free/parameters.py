@@ -591,7 +591,7 @@ class Differentiator:
         -------
         values : ndarray, shape (n, c)
         derivatives : ndarray, shape (n, c, p)
-            In SI, with respect to each parameter, including its effect on derived values
+            In SI, with respect to each parameter. They include the effect of a parameter on derived values
             (`derived`).
 
         Raises

@@ -217,7 +217,7 @@ def part_table(reference: object) -> dict[str, Any]:
 
 
 def check(part: Entry) -> None:
-    """Check a part like a component of a circuit: keys, units, bounds.
+    """Check a part in the same way as a component of a circuit: keys, units, bounds.
 
     Raises
     ------
@@ -325,7 +325,7 @@ def find_parts(
     Parameters
     ----------
     kind : str, optional
-        Kind of component, the beginning of one, or a pattern: ``"valve"``, ``"cylinder/rodless"``, ``"*5/3"``.
+        Kind of component, the first part of a kind, or a pattern: ``"valve"``, ``"cylinder/rodless"``, ``"*5/3"``.
     bore, stroke : str, optional
         A length, or a range: ``"25 mm"``, ``"20 mm .. 40 mm"``. A part without a fixed stroke is made to order and fits
         any stroke.

@@ -39,7 +39,7 @@ def described_in(text: str, path: Path, allow: Callable[[Plain], object]) -> Dri
     ----------
     text : str
     path : Path
-        Name of the file in messages. Files of custom laws and formulas are relative to its folder.
+        Name of the file in messages. Paths of custom laws and formulas are relative to its folder.
     allow : callable
         Called with the tables before any other file is read. It may reject the tables with an error.
 

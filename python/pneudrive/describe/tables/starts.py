@@ -332,7 +332,10 @@ class Starts:
                 found += [one.component for one in joint.ports if one.component not in found] if joint else []
 
     def _pressure(self, of: str, known: NamedNumbers, notes: list[str]) -> float:
-        """Return the start pressure of gas in Pa: the nearest one along always open paths, or ambient pressure."""
+        """Return the start pressure of gas in Pa.
+
+        The nearest known pressure along permanently open paths is used; without one, ambient pressure.
+        """
         always = {name for name, one in self.components.items() if one.entry["open"]}
         found = [self.places[of]] if of in self.places else []
         if not found:  # a cell within a component, reached from its first port: the note of the joint covers it
