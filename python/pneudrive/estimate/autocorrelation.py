@@ -64,7 +64,7 @@ SAME_SPEED = 0.05
 def groups_by(values: Sequence[float], is_apart: Callable[[float, float], bool]) -> list[slice]:
     """Return the groups of ascending values as slices.
 
-    A value begins a new group if ``is_apart(lowest, value)``; ``lowest`` is the first value of the group before it.
+    A value begins a new group if ``is_apart(lowest, value)``. ``lowest`` is the first value of the current group.
     """
     starts: list[int] = []
     for i, value in enumerate(values):
@@ -253,7 +253,7 @@ class Loss:
         return inner * (np.abs(u) - 0.5 * inner)
 
 
-#: Least squares, without a straight part.
+#: Loss of least squares, quadratic for all residuals.
 LINEAR = Loss(np.inf)
 #: Huber's loss with an efficiency of 99 % on normal errors. The usual tuning constant 1.345 (95 %) is slightly more
 #: robust, but with a dozen levels its intervals cover the true value 1 % less often [huber2009].

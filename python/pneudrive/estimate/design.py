@@ -21,11 +21,11 @@ from pneudrive.arrays import Array, Ints
 
 #: Largest number of repeats that is tried for a given time.
 MOST_REPEATS = 12
-#: Regularisation: information added to each parameter, as a fraction of that of all candidates.
+#: Regularisation: information added to each parameter, as a fraction of the information from all candidates.
 RIDGE = 1e-9
 #: Largest number of passes of exchanges; three to six usually suffice.
 MOST_PASSES = 40
-#: Smallest gain above rounding.
+#: Smallest gain that is not a rounding error.
 LEAST_GAIN = 1e-10
 
 

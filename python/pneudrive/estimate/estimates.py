@@ -348,7 +348,7 @@ def intervals(values: Array, reach: Array, lower: ArrayLike, upper: ArrayLike = 
 
 Point = TypeVar("Point")
 
-#: Largest number of steps to find a bound, and tolerance of the square root of the cost increase there.
+#: Largest number of steps to find a bound, and tolerance of the square root of the cost increase at the bound.
 STEPS, ROOT_ERROR = 12, 0.02
 #: Distance from the estimate after which a side without sufficient cost increase counts as open.
 FARTHEST = 50.0

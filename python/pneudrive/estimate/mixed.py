@@ -341,7 +341,7 @@ class MixedFit:
         Returns
         -------
         MixedFit
-            Averaged fit, with the most probable standard deviations of the fit with the highest probability.
+            Averaged fit. Its most probable standard deviations are those of the most probable single fit.
         ndarray
             Weight of each other fit.
         """

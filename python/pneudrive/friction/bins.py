@@ -23,7 +23,7 @@ MIDDLE = (0.2, 0.8)  # of the way: the window, if the layout does not state it
 
 @dataclass(frozen=True)
 class Grid:
-    """Position bins of equal width, numbered from 0 at the lower end of the window, whose ends are bin edges.
+    """Position bins of equal width. Bin 0 begins at the lower end of the window; both window ends are bin edges.
 
     Attributes
     ----------
@@ -34,8 +34,8 @@ class Grid:
     first, stop : int
         Index of the first bin (negative below the window), and index after the last bin.
     whole : bool
-        Whether to leave out bins that the settled part of a stroke covers only partly, so that all cycles have the
-        same bins.
+        Whether to leave out each bin that the settled part of a stroke covers only partly. True for bins that are
+        common to all cycles.
     """
 
     low_m: float
@@ -86,7 +86,7 @@ class Profile:
 
 
 def grid_of(edges_m: Array) -> Grid:
-    """Return the grid of bins with these edges, which all cycles have. Its window is the middle of the travel."""
+    """Return the grid with these bin edges, which are common to all cycles. Its window is the middle of the travel."""
     bins = edges_m.size - 1
     first, stop = (round(share * bins) for share in MIDDLE)
     width_m = float(edges_m[1] - edges_m[0])
@@ -138,7 +138,7 @@ def mean_profile(strokes_n: Array) -> Array:
 
 
 def known_mean(values: Array, axis: int) -> Array:
-    """Return the mean of the finite values, or NaN without a warning."""
+    """Return the mean of the finite values; NaN, without a warning, if there are none."""
     known = np.isfinite(values)
     count = known.sum(axis=axis)
     total = np.where(known, values, 0.0).sum(axis=axis)

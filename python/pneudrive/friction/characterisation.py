@@ -92,7 +92,7 @@ def _differences(results: Sequence[RecordingResult]) -> list[str]:
     Recordings with several speeds are compared. If there are three or more, only those at equal pressures are compared,
     because pressure changes friction. The 95 % limit of the difference holds for all comparisons together.
 
-    Errors of a source that both levels have are fully correlated, except those of the clocks of loggers.
+    If both levels have the same source of error, its errors are fully correlated, except errors of loggers' clocks.
     """
     every: list[tuple[float, Row]] = []
     for (first, second), way in product(combinations(results, 2), (1, -1)):
@@ -517,7 +517,7 @@ def _contradiction(points: pl.DataFrame, residual_n: Array) -> str:
 
 
 def _factors(gauge: Columns, push: Columns, unsure: NamedNumbers, area: float) -> list[tuple[str, ...]]:
-    """Return the chambers of each area factor that the data determine: one per chamber, one for both, or none."""
+    """Return the chambers of each area factor that the data determine: a factor per chamber, one for both, or none."""
     sides = [side for side in ("a", "b") if np.ptp(gauge[side]) > MINIMUM_RANGE_PA]
     if len(sides) < 2:
         return [tuple(sides)] if sides else []
@@ -555,7 +555,8 @@ class RunSpread:
 class PressureLine(Shown):
     """Friction = intercept + slope * gauge pressure for one seal.
 
-    ``table`` has the points, and ``points`` its rows. ``band_mean_n`` is the line at 41 pressures ``band_pressure_pa``.
+    ``table`` has a row for each point; ``points`` has these rows as objects.
+    ``band_mean_n`` is the line at 41 pressures ``band_pressure_pa``.
     ``band_low_n`` and ``band_high_n`` are the 95 % prediction interval of a further run. ``covariance`` is that of
     (intercept_n, slope_n_pa), and ``slope_interval_n_pa`` is a 95 % interval. ``basis`` states which runs determine the
     spread between runs. These are the runs of this seal (``own``) or of other seals (``pooled``). It is ``unknown``

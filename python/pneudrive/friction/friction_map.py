@@ -313,7 +313,7 @@ def groups_of(table: xr.Dataset, most: int | None = None) -> list[MapGroup]:
 
 
 def alike(pairs: Array) -> list[Ints]:
-    """Return the rows of each group of pressures that differ by less than `SAME_PA` from those of its first row."""
+    """Group rows with similar pressures: they differ by less than `SAME_PA` from the first row of the group."""
     left, out = np.arange(len(pairs)), []
     while len(left):
         near = (np.abs(pairs[left] - pairs[left[0]]) < SAME_PA).all(axis=1)

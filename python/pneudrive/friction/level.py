@@ -266,7 +266,7 @@ class Level(Shown):
 
     @property
     def pressure_pa(self) -> float:
-        """Mean gauge pressure in Pa, of the chamber in which its magnitude is larger."""
+        """Mean gauge pressure, in Pa, of the chamber with the larger absolute value."""
         return max(self.gauge_pa.values(), key=abs)
 
     @property
@@ -519,8 +519,8 @@ def systematic_budget(
     up, down : dict
         Rows of `Strokes.sides`: means in +x and -x over the window.
     offset_slope_n_m, sample_interval_s : float
-        Slope of the offset over position, and interval within which all channels are sampled. A time skew between them
-        appears as friction.
+        Slope of the offset over position, and interval within which all channels are sampled. A time skew between
+        channels appears as friction.
     late_s : float
         Standard uncertainty of the times of the pressures.
     """
@@ -568,7 +568,7 @@ def _halves(up: float, down: float) -> Interval:
 
 
 def unseen_n(pattern_n: Array, coverage: float) -> float:
-    """Return the standard uncertainty, in N, of the mean over some position bins as the mean of the whole stroke.
+    """Return the standard uncertainty, in N, if the mean over some bins is used as the mean of the whole stroke.
 
     The uncertainty is the standard deviation of `pattern_n`, the friction in each bin, times the fraction of the stroke
     outside the bins. The bins cover the fraction ``coverage`` of the travel.

@@ -48,7 +48,7 @@ class ReversalPeak:
 def find_reversal_peaks(
     recording: Recording, strokes: Sequence[motion.Stroke], balance_n: Array, profile: Profile
 ) -> dict[int, ReversalPeak]:
-    """Return the peaks by index of the stroke, for each reversal at which one of ``strokes`` begins.
+    """Return the peak of each reversal at which one of ``strokes`` begins, by index of the stroke.
 
     Parameters
     ----------
@@ -59,7 +59,7 @@ def find_reversal_peaks(
     balance_n
         Shape (n,).
     profile
-        Profile of the same level. Its offset is removed, see `offset_line`.
+        Profile of the same level. The offset of the profile is removed, see `offset_line`.
     """
     from scipy.special import ndtri
 
@@ -105,7 +105,7 @@ def offset_line(profile: Profile, turn_m: float) -> tuple[float, float]:
     """Fit a line to the offset near a turn. Return its slope in N/m and its intercept at x = 0 in N.
 
     At the turn, one direction is still in its transient, so that half the sum is not the offset. Far from the turn, the
-    offset may differ. Bins in between are used, or those of the window if there are too few.
+    offset may differ. Bins between these regions are used, or the bins of the window if there are too few.
     """
     known = np.isfinite(profile.offset_n)
     away = np.abs(profile.position_m - turn_m) / np.ptp(profile.position_m)
@@ -172,11 +172,11 @@ RIPPLE_LIMIT = 0.2  # of the mean speed: above it the mean friction is not a poi
 class StickSlip(Shown):
     """Stick-slip within one stroke or section.
 
-    ``found`` states whether the motion is stick-slip. It then has at least three periods. Slips cover at least half of
-    the travel, and the piston is stuck for at least 5 % of the time. ``period_s`` and ``step_m`` are medians over
-    periods. ``peak_speed_m_s`` is the median of the slips' peaks. ``stuck_share`` is the fraction of time below 20 % of
-    the mean speed. ``mean_speed_m_s`` is the mean over the section. ``ripple`` is the standard deviation of speed over
-    its mean. ``resolution_s`` is the shortest period that sampling and noise resolve.
+    ``found`` states whether the motion is stick-slip. Stick-slip has at least three periods. Slips cover at least half
+    of the travel, and the piston is stuck for at least 5 % of the time. ``period_s`` and ``step_m`` are medians over
+    periods. ``peak_speed_m_s`` is the median of the peak speeds of the slips. ``stuck_share`` is the fraction of time
+    below 20 % of the mean speed. ``mean_speed_m_s`` is the mean over the section. ``ripple`` is the standard deviation
+    of speed divided by the mean speed. ``resolution_s`` is the shortest period that sampling and noise resolve.
     """
 
     found: bool
@@ -234,7 +234,7 @@ def measure_stick_slip(time_s: Array, position_m: Array, velocity_m_s: Array | N
     Parameters
     ----------
     time_s, position_m, velocity_m_s : ndarray, shape (n,)
-        At least three samples. Without a velocity, the positions determine it.
+        At least three samples. If no velocity is given, it is derived from the positions.
     """
     duration = float(time_s[-1] - time_s[0])
     distance = float(position_m[-1] - position_m[0])

@@ -37,10 +37,11 @@ class MeasuredStroke:
     Attributes
     ----------
     stroke : Stroke
-        Stroke, whose indices count from the beginning of the samples that were read together.
+        The stroke. Its indices count from the first of the samples that were read together.
     means : dict
         `MEANS`, ``mean_n`` (balance of all chosen samples), ``samples`` and ``pressure_moves_n`` (usual range of the
-        pressure force). Empty for an unused stroke, which has not settled in a quarter of the window.
+        pressure force). Empty for an unused stroke: its settled samples cover less than a quarter of
+        the window.
     slip : (StickSlip, StickSlip or None) or None
         Stick-slip of axis and piston; None for unused or short strokes.
     peak : ReversalPeak or None
@@ -169,14 +170,14 @@ class Strokes:
             Direction -> its row. The columns are
 
             - `MEANS`: means over the settled samples.
-            - Of these, ``parallel_n`` is the standard uncertainty of the parallel forces, from their areas.
-            - ``late_n`` is that of the pressure force, from the times of the pressures.
+            - ``parallel_n``, one of the means: standard uncertainty of the parallel forces, due to their areas.
+            - ``late_n``, one of the means: standard uncertainty of the pressure force, due to the times of pressures.
             - ``samples``, ``strokes``, ``strokes_recorded``: used samples, used strokes, and all strokes.
             - ``used``: the used strokes. ``spread``: the `Spread` of their means at equal positions.
             - ``pressure_moves_n``: usual range of the pressure force within a stroke.
             - ``breakaway_n``, ``dwell_s``, ``loading_rate_n_s``: medians of the preceding reversals. They are NaN
               without a usable peak.
-            - ``ripple``: standard deviation of speed over its mean.
+            - ``ripple``: standard deviation of speed divided by the mean speed.
             - ``period_s``, ``step_m``: period and travel of one stick-slip. They are NaN without stick-slip.
             - ``piston_ripple``: ripple of the piston behind the rig's spring. It is NaN with an unknown stiffness.
             - ``stick_slip``: whether more than half of the strokes have stick-slip.
@@ -227,7 +228,7 @@ def stroke_grid(
     window: Interval,
     bins: int | None = None,
 ) -> Grid:
-    """Divide the travel of strokes into bins. The window has `bins` of them or, if None, about four samples per bin."""
+    """Divide the travel of strokes into bins. The window has `bins` bins or, if None, bins of about four samples."""
     low, high = window
     inside = [int(((x >= low) & (x <= high)).sum()) for x in (position_m[s.samples] for s in strokes)]
     ends = [value for s in strokes for value in (s.from_m, s.to_m)]
@@ -440,7 +441,7 @@ class SourcePaper:
     """The source paper's protocol: drop the first 5 % of each stroke, smooth over 5 samples, and average the rest.
 
     The moving average hardly changes the mean. This protocol is available for comparison with published numbers.
-    Dropping 5 % is not enough if the distance to reach speed is longer. Means are over all chosen samples.
+    Dropping 5 % is not enough if the piston needs more travel to reach its speed. Means are over all chosen samples.
     """
 
     dropped_share: float = 0.05
@@ -482,7 +483,7 @@ class Swing:
 
     @classmethod
     def of(cls, motion: RecordedMotion, strokes: Sequence[Stroke]) -> Swing | None:
-        """Return the swing of strokes over the travel of all strokes; None if a direction or a change is missing."""
+        """Return the swing of strokes over the travel of all strokes; None without both directions or a change."""
         ends = [value for stroke in motion.strokes for value in (stroke.from_m, stroke.to_m)]
         low, high = min(ends), max(ends)
         edges = np.linspace(low, high, SWING_BINS + 1)

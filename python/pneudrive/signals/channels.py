@@ -1,4 +1,4 @@
-"""Columns of a recording of any length, in the units of its layout or its file, for display."""
+"""Open recordings of any length for display, with columns in the units of the layout or of the file."""
 
 from __future__ import annotations
 
@@ -44,8 +44,8 @@ class FileChannel:
     unit : str
         Unit of the displayed numbers.
     quantity : str
-        Name that identifies the same quantity in two files: from the layout, or the name of the column without its
-        unit.
+        Name of the quantity, by which the columns of two files are paired. It comes from the layout, or is the name of
+        the column without its unit.
     slope, zero : float
         SI value = slope * displayed number + zero, pressures absolute. NaN if the conversion is unknown.
     said : Column or None
@@ -109,7 +109,7 @@ class ChannelFile:
         return max(self.table.count() - self.first, 0)
 
     def read(self, names: Sequence[str], rows: tuple[int, int]) -> tuple[Array, dict[str, Array]]:
-        """Return times in s, or sample numbers without a time column, and the values of columns in their units."""
+        """Return times in s (sample numbers if there is no time column), and values of columns in their units."""
         wanted = [*names, *([] if self.time is None else [self.time.column])]
         raw = self.table.get(wanted, (self.first + rows[0], self.first + rows[1]))
         by_name = {channel.column: channel for channel in self.channels}
@@ -281,7 +281,7 @@ def _kinds(table: Table, names: Iterable[str]) -> Names:
 
 
 def _time(said: FileLayout | None, units: Names, roles: Names, kinds: Names) -> FileChannel | None:
-    """Return the time column with its conversion to s: that of the layout, or one with name and unit of a time."""
+    """Return the time column with its conversion to s: from the layout, or else by the name of the column."""
     for name, role in roles.items():
         if role == "time" and said is not None and name in kinds:
             return _channel(name, role, said, "s")

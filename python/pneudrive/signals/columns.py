@@ -1,4 +1,4 @@
-"""Columns of foreign files: units, roles (by name and typical values) and chambers, from their headers."""
+"""Find the unit, role and chamber of each column in a foreign file, from its header and typical values."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ _MICRO = str.maketrans({"µ": "u", "μ": "u", "²": "2", "^": ""})
 
 @dataclass(frozen=True)
 class ColumnUnit:
-    """SI value = number * factor + shift; ``gauge`` is True or False for pressures, None otherwise.
+    """Conversion of a column to SI: SI value = number * factor + shift.
 
-    ``text`` is the unit as written in the file.
+    ``gauge`` is True or False for pressures, None otherwise. ``text`` is the unit as written in the file.
     """
 
     factor: float
@@ -37,8 +37,8 @@ class ColumnUnit:
 class HeaderUnit:
     """Unit in the header of a foreign file.
 
-    ``si`` is the SI unit of the quantity, ``count``, or empty for other quantities. ``unit`` is the unit as written in
-    layouts. A unit of pressure without gauge or absolute has the ``gauge`` None.
+    ``si`` is the SI unit of the quantity, or ``count``; it is empty for other quantities. ``unit`` is the unit as
+    written in layouts. ``gauge`` is None if a unit of pressure does not state gauge or absolute.
     """
 
     si: str
@@ -147,7 +147,7 @@ def column_unit(text: str, si_unit: str) -> ColumnUnit:
 
 
 def uncertainty(text: str, si_unit: str) -> float:
-    """Read a standard uncertainty. For a pressure it is a difference, without "gauge" or "abs"."""
+    """Read a standard uncertainty. For a pressure, the unit is stated without "gauge" or "abs"."""
     if si_unit == "Pa" and isinstance(text, str) and split_mark(text)[1]:
         raise DescriptionError(f'uncertainty "{text}": an uncertainty cannot be gauge or abs')
     value = parse(text, si_unit)
@@ -159,13 +159,13 @@ def uncertainty(text: str, si_unit: str) -> float:
 SIGNALS, SAMPLES = _TABLES["signals"], _TABLES["samples"]
 #: Role -> ``words``: regular expression of its names in lower-case words, without the unit; ``si``: unit of its
 #: quantity. A column with the unit of another quantity is not a candidate. ``by_size``: units to assume for numbers
-#: without a unit, as pairs of largest span of a position (or largest value of a pressure) and unit. ``scaled``: unit in
-#: a layout for volts and counts, which need a scale.
+#: without a unit, as pairs (limit, unit). The limit applies to the span of a position, or to the largest value of a
+#: pressure. ``scaled``: unit in a layout for volts and counts, which need a scale.
 ROLES = _TABLES["roles"]
 _WORDS = {name: re.compile(text) for name, text in _TABLES["words"].items()}
 SECONDARY, INDEX, NUMBERING = _WORDS["secondary"], _WORDS["index"], _WORDS["numbering"]
 RATE, STEP = _WORDS["rate"], _WORDS["step"]
-#: Smallest number of columns whose names differ only in a number, to form a family.
+#: Smallest number of columns in a family. The names of a family differ only in a number.
 FAMILY = 3
 
 
@@ -188,7 +188,7 @@ def role_of(name: str) -> str | None:
 
 
 def side_of(name: str) -> str | None:
-    """Return the chamber in the name of a pressure: a, b, 1 or 2. None without exactly one chamber."""
+    """Return the chamber in the name of a pressure: a, b, 1 or 2. None if the name does not state one chamber."""
     found = set(re.findall(r"(?<![^ ])p?([ab12])(?![^ ])", words_of(name)))
     return found.pop() if len(found) == 1 else None
 
@@ -260,7 +260,7 @@ class FileColumn:
 
     @property
     def role(self) -> str | None:
-        """The role stated by the name. A name that is a unit of time also means time."""
+        """The role stated by the name. A name that is only a unit of time also states the role ``time``."""
         return role_of(self.bare) or role_of(self.name)
 
     @property
@@ -270,14 +270,14 @@ class FileColumn:
 
     @property
     def may_be_pressure(self) -> bool:
-        """Whether the column may be a pressure: neither name nor unit exclude it, and the numbers change."""
+        """Whether the column may be a pressure: name and unit allow a pressure, and the numbers change."""
         fits = self.unit is None or self.unit.si == "Pa" or self.is_raw
         is_signal = np.nanmax(self.values) > np.nanmin(self.values) and not NUMBERING.search(words_of(self.name))
         return fits and self.role in (None, "pressure") and bool(is_signal)
 
 
 class Candidate(NamedTuple):
-    """Column that may have a role: weight and texts of the evidence and, once chosen, a text on its nearest rival."""
+    """Column that may have a role: weight and texts of the evidence; for a chosen column, a text on its rival."""
 
     column: FileColumn
     score: float

@@ -23,7 +23,7 @@ from pneudrive.simulation.trajectory import columns_in, meaning, read_columns
 if TYPE_CHECKING:
     import xarray as xr
 
-#: A recording of a drive in one of its forms.
+#: Accepted forms of a recording of a drive.
 Given: TypeAlias = "str | Path | xr.Dataset | Mapping[str, Any]"
 NEEDED = ("time_s", "command", "position_m", "pressure_a_pa", "pressure_b_pa")
 OPTIONAL = ("velocity_m_s", "temperature_a_k", "temperature_b_k", "force_n", "friction_force_n")
@@ -33,19 +33,19 @@ OF_VOLUME = ("time_s", "pressure_pa", "command", "inlet_pressure_pa")
 LEAST_OF_VOLUME = 10
 #: Columns that are complete only in simulations.
 _SIMULATED = {"acceleration_m_s2", "mass_flow_a_kg_s", "mass_flow_b_kg_s"}
-#: Fraction of the stroke up to which a position beyond the ends counts as overshoot into an end stop (assumed).
+#: Largest overshoot of the position into an end stop, as a fraction of the stroke (assumed).
 BEYOND_STROKE = 0.1
-#: Pressures below this fraction of ambient, or above this multiple of the supply, count as gauge or in another unit
-#: (assumed).
+#: Pressures below this fraction of ambient, or above this multiple of the supply, are treated as gauge pressures or as
+#: pressures in another unit (assumed).
 LOWEST, HIGHEST = 0.5, 3.0
 #: Largest sampling interval that resolves a motion, s (assumed).
 COARSEST_S = 0.1
 #: A gap exceeds this multiple of the usual sampling interval, and this time, s.
 GAP_STEPS, GAP_S = 5.0, 0.02
 MOST_GAPS = 3
-#: Time after the first sample, s, and speed, m/s, above which the piston counts as moving at the start (assumed).
+#: The piston moves at the start if its mean speed over this first time, s, exceeds this speed, m/s (assumed).
 START_S, LEAST_SPEED_M_S = 0.005, 0.02
-#: Time within which any valve has settled at a command, s.
+#: Time after which any valve has settled at its command, s.
 SETTLED_S = 10.0
 #: Parameters that can be identified without motion of the piston.
 AT_REST = ("cylinder.leakage", "cylinder.heat_transfer", "cylinder.wall_temperature", "cylinder.dead_volume")
@@ -234,7 +234,7 @@ def volume_recording(
 
 
 def _arrays(columns: Keyed, needed: Sequence[str], known: Iterable[str], where: str, kind: str) -> Columns:
-    """Return the known columns of a kind of recording as arrays of one length; reject missing columns."""
+    """Return the known columns for this kind of recording as arrays of equal length; reject missing columns."""
     if missing := [column for column in needed if column not in columns]:
         shown = f"columns: {', '.join(map(str, columns))}"
         what = f"the recording lacks {', '.join(missing)}"
@@ -379,7 +379,7 @@ def _labels(about: object) -> dict[str, str]:
 
 
 def _imported(path: Path, layout: Layout, kind: str) -> tuple[Plain, str, dict[str, str], Path]:
-    """Return columns in SI, name, labels and path of a file by its layout. Warn of faults on reading."""
+    """Read a file by its layout. Return columns in SI, name, labels and path; warn of faults on reading."""
     said = layout.for_file(path, kind)
     columns, flags, _ = import_file(path, said)
     for flag, count in flags.items():

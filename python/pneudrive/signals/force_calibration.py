@@ -39,7 +39,7 @@ class ForceCalibration:
     u_gain : float
         Relative standard uncertainty of the gain or, with points, of the reference forces.
     u_zero_n : float
-        Standard uncertainty of the zero. Runs that measure the zero remove it.
+        Standard uncertainty of the zero. Runs that measure the zero remove this uncertainty.
     range_n : float
         Largest force of the calibration; 0: largest force of the points.
     linearity_n : float

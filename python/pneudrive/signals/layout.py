@@ -36,7 +36,7 @@ KINDS: dict[str, Plain] = package_table(__file__, "columns.toml")["kinds"]
 UNITS: dict[str, str] = KINDS["drive"]["units"] | KINDS["fixed-volume"]["units"]
 RIG_TABLES = ("geometry", "chamber_a", "chamber_b", "force", "window")  # not used by other kinds of recordings
 DELIMITERS = {"whitespace": None, "tab": "\t", "comma": ",", "semicolon": ";", "space": " "}
-#: SI unit -> example of a unit of a column.
+#: SI unit -> example of a unit as written in a layout.
 EXAMPLES = {"Pa": "bar gauge", "m": "mm", "s": "s", "N": "N", "m/s": "mm/s", "K": "degC"}
 
 
@@ -104,7 +104,7 @@ class Column(Described):
 
     @property
     def moduli(self) -> tuple[float, ...]:
-        """Possible numbers of counts after which this column starts again, if it is a counter."""
+        """If this column is a counter: possible numbers of counts after which it restarts."""
         return COUNTERS if self.wraps is None else (self.wraps,)
 
     def in_unit(self, raw: Array) -> Array:
@@ -477,7 +477,7 @@ class Layout(Shown):
         return toml.located(error, self.origin, self.text).turned(LayoutError)
 
     def _place(self, key: str, chosen: Sequence[int]) -> str:
-        """Return the location of a key in the file, also in an override; without the key, the location of its table."""
+        """Return the location of a key in the file or an override; if the key is missing, that of its table."""
         trees = [*((f"for.{index}.", self.tree["for"][index]) for index in reversed(chosen)), ("", self.tree)]
         while key:
             for at, tree in trees:

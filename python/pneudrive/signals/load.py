@@ -1,4 +1,4 @@
-"""Reading of files as recordings, by a layout or as trajectories of simulations.
+"""Read files as recordings: foreign files by a layout, and trajectories of simulations.
 
 A foreign file of any format becomes columns in SI. `read_foreign` reads every column of a file without a layout.
 `read_channels` reads the columns of a layout in the units of the file, and returns one value per channel and time.
@@ -179,7 +179,7 @@ def _as_numbers(column: NDArray[Any], name: str, path: Path, date_form: str | No
 def read_channels(
     path: Path, layout: FileLayout, data: bytes | None = None, *, others: bool = False
 ) -> tuple[ForeignTable, Columns]:
-    """Read all rows of the columns of a layout, and its channels with one value for each time.
+    """Read the columns of a layout in all rows, and the channels of the layout with one value for each time.
 
     Parameters
     ----------
@@ -376,7 +376,7 @@ class RecordingFile:
         Parameters
         ----------
         raw : dict, optional
-            Rows from `rows`. Their recording has no hash of the file.
+            Rows from `rows`. The recording then has no hash of the file.
         name : str
             Name of a cycle; "": name of the file.
         """
@@ -449,7 +449,7 @@ class RecordingFile:
         return {channel: table.columns[table.places[c.column]] for channel, c in self.said.channels.items()}
 
     def sha256(self) -> str:
-        """Return the hash of a long recording: of the bytes of its file, or of the columns of a trajectory."""
+        """Return the hash of a long recording, from the bytes of its file or from the columns of a trajectory."""
         if self.said is None and self.table is not None:
             edges = [*range(0, self.table.count(), HASHED_ROWS), self.table.count()]
             pieces = ((column, part) for column in COLUMNS for part in pairwise(edges))
@@ -480,7 +480,7 @@ def recording_files(paths: Iterable[str | Path], layout: AnyLayout) -> list[Reco
 
 
 def recordings_in(folder: Path) -> list[Path]:
-    """Return the recordings in a folder, sorted by path. The list is empty without a layout, and for a campaign.
+    """Return the recordings in a folder, sorted by path. The list is empty if there is no layout, or for a campaign.
 
     Pictures, texts and tables of results are not recordings.
     """
@@ -515,7 +515,7 @@ def load_recordings(paths: Iterable[str | Path], layout: AnyLayout = None) -> li
 
 
 def hashes_of(path: Path) -> frozenset[str]:
-    """Return the possible hashes of the recording in a file: those of its content and of a trajectory's columns.
+    """Return the possible hashes of the recording in a file, from its content and from the columns of a trajectory.
 
     Raises
     ------

@@ -64,8 +64,8 @@ def local_slope(time_s: Array, values: Array, half_width: int = 4) -> Array:
     time_s, values
         Shape (n,); n must be at least 2.
     half_width
-        Neighbours on each side. Samples near the ends have fewer neighbours or, with equal time steps, the slope of the
-        nearest sample with all neighbours.
+        Neighbours on each side. Samples near the ends have fewer neighbours. With equal time steps, they instead get
+        the slope of the nearest sample that has all neighbours.
 
     Returns
     -------
@@ -263,8 +263,8 @@ def speeds_differ(strokes: Sequence[Stroke]) -> bool:
 def _one_way_levels(strokes: list[Stroke]) -> Levels:
     """Return speed classes of single directions, if the speed of one direction was set in steps.
 
-    If several return strokes have the speed of the strokes before them, they join the classes of these strokes. The
-    result is empty if neither direction has steps.
+    If several return strokes have the speed of the strokes before them, the return strokes join the classes of the
+    strokes before. The result is empty if neither direction has steps.
     """
     by_pace = sorted(strokes, key=lambda s: s.pace_m_s)
     ways = {d: [s for s in by_pace if s.direction == d] for d in (1, -1)}

@@ -43,7 +43,7 @@ ASK_CHAMBER = "neither names nor forces show the chamber (chamber a grows with t
 class Guess:
     """Guessed column of a role: time, position, force, command, pressure, pressure_a or pressure_b.
 
-    A time from a sample rate has the ``source`` None. A pressure without gauge or absolute has the ``gauge`` None.
+    ``source`` is None for a time from a sample rate. ``gauge`` is None for a pressure without gauge or absolute.
     ``keys`` are further keys of the column in the layout.
     """
 
@@ -89,7 +89,7 @@ class RoleSearch:
 
     ``taken`` has the numbers of columns whose role is decided, or that certainly have no role. ``time`` has the times
     of the samples, or their numbers without a time column. ``of_time`` has the columns of the time, and ``rate_hz`` the
-    rate that the file states instead. ``clocks`` maps columns with another time to the column of that time.
+    rate that the file states instead. ``clocks`` maps a column with its own time to the column of this time.
     """
 
     form: ForeignFile
@@ -292,7 +292,7 @@ class RoleSearch:
         return bool(np.abs(b - a).max() <= 1.01 * max(motion.resolution(a), motion.resolution(b)))
 
     def _position(self) -> None:
-        """Find the position by name, or else as the signal with strokes at constant speed and few small reversals."""
+        """Find the position by name. Otherwise, take the signal with strokes at constant speed and few reversals."""
         candidates = self.candidates("position")
         named = _backed(candidates, "strokes", lambda values: motion.unevenness(values, is_one_of_many=True) < np.inf)
         why = SEVERAL
@@ -569,9 +569,9 @@ class Proposal:
     """A proposed layout, and the data read with it, for a figure.
 
     ``kind`` is the kind of recording: a ``rig``, a ``drive``, a ``fixed-volume``. ``file`` has the raw numbers of every
-    column. ``recording`` and ``strokes`` are the file as read by the layout. Other kinds and unreadable files have None
-    and an empty list there, and the reason in ``problem``. ``unused`` has the columns of numbers that the layout does
-    not use.
+    column. ``recording`` and ``strokes`` are the file as read by the layout. For other kinds and unreadable files, they
+    are None and an empty list, and ``problem`` states the reason. ``unused`` has the columns of numbers that the layout
+    does not use.
     """
 
     path: Path

@@ -1,4 +1,4 @@
-"""Recording: measurements of a rig while a piston moves. Detection of faulty or impossible values, late pressures."""
+"""Recording of a rig while a piston moves; detection of faulty or impossible values and of late pressures."""
 
 from __future__ import annotations
 
@@ -157,7 +157,7 @@ class Recording(Viewed):
         return self.mass_beyond_sensor_kg * STANDARD_GRAVITY_M_S2 * float(np.sin(self.incline_rad))
 
     def balance_n(self, acceleration_m_s2: Array | float | None = 0.0) -> Array:
-        """Return the force that remains for friction and for errors, positive if it opposes motion in +x.
+        """Return the force balance: friction and errors together, positive if they oppose motion in +x.
 
           balance = F + F_parallel + p_a A_a - p_b A_b - p_ambient (A_a - A_b) - m a - m g sin(incline)
 
@@ -213,8 +213,8 @@ def clean(recording: Recording, places: dict[str, list[Interval]] | None = None)
     recording
         Recording that may contain unusable samples.
     places
-        Receives kind of fault -> first and last time of each occurrence, in s. Neighbouring samples are one occurrence,
-        and a gap extends to the next sample. Faults on reading are left out, because they have no time.
+        Filled with: kind of fault -> first and last time of each occurrence, in s. Neighbouring samples are one
+        occurrence, and a gap extends to the next sample. Faults on reading are left out, because they have no time.
 
     Returns
     -------
@@ -358,7 +358,7 @@ def _usual_run(lengths: NDArray[np.intp]) -> np.intp | int:
 def clipped(values: Array, runs: Runs) -> Bools:
     """Mark samples at the largest or smallest value of a noisy channel, if long runs have this value.
 
-    A channel near its limit may also reach the limit for single samples, which are marked, too.
+    A channel near its limit may also reach the limit for single samples. These samples are marked, too.
 
     A channel that is at its extremes most of the time is a smooth signal (a simulation), not a clipped signal.
     """
@@ -514,7 +514,8 @@ def pressure_delay(recording: Recording) -> PressureDelay | None:
     Returns
     -------
     PressureDelay or None
-        None if no chamber is closed: its pressure is nearly constant, or does not follow the position.
+        None if no chamber is closed. The pressure of an open chamber is nearly constant, or does not follow the
+        position.
     """
     good = np.all([np.isfinite(getattr(recording, name)) for name in ("time_s", "position_m", *PRESSURES)], axis=0)
     time, position = recording.time_s[good], recording.position_m[good]

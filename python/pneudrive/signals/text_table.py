@@ -87,7 +87,7 @@ class ForeignTable:
 
 
 def read_bytes(path: Path) -> bytes:
-    """Read a file, decompressed according to its suffix; all failures are a `RecordingError`."""
+    """Read a file, and decompress it according to its suffix; every failure raises a `RecordingError`."""
     data = content.read_bytes(path, RecordingError, "file_bytes", folder="name the files, as in folder/*.csv")
     if not data.strip():
         raise RecordingError("the file is empty", where=str(path))
@@ -160,13 +160,13 @@ def is_number(text: str, form: TextForm) -> bool:
 
 
 def is_words(fields: Fields, form: TextForm) -> bool:
-    """Return whether no field of a line is a number: a header or a row of units."""
+    """Return whether a line is a header or a row of units: none of its fields is a number."""
     there = [text for text in fields if text.lower() not in MISSING]
     return any(fields) and not any(is_number(text, form) for text in there)
 
 
 def is_row_of_numbers(fields: Fields, form: TextForm, texts: Collection[int]) -> bool:
-    """Return whether a row holds numbers, dates and empty fields, except in columns of texts."""
+    """Return whether a row holds only numbers, dates and empty fields, except in columns of texts."""
     own = [text for at, text in enumerate(fields) if at not in texts]
     return any(own) and all(is_number(text, form) for text in own)
 
@@ -193,7 +193,7 @@ def read_text(
     dates : dict
         Columns of dates and times -> format. They become seconds since the first date.
     others : bool
-        Whether to read all other columns with numbers, in the same rows; NaN for other values.
+        Whether to read all other columns with numbers, in the same rows. Fields without a number become NaN.
 
     Raises
     ------
@@ -455,7 +455,7 @@ def _candidates(sample: Lines) -> list[TextForm]:
 
 
 def _read(sample: Lines, form: TextForm) -> ForeignFile:
-    """Return the fraction of numeric lines with the usual number of columns, this number, and text columns."""
+    """Return the usual number of columns, the fraction of numeric lines that have it, and the text columns."""
     if len(sample) > 2 * FEW_LINES:
         few = _read(sample[:: len(sample) // FEW_LINES], form)
         if few.share < SEGMENTED:

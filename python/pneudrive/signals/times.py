@@ -125,7 +125,7 @@ SLOW = 2  # least usual distance of the values of a slow channel, in rows
 
 
 def unwrapped(values: Array, moduli: Iterable[float], *, forward: bool = False) -> tuple[Array, int]:
-    """Return a counter with its wraps removed, and their number. Other columns are unchanged.
+    """Return a counter without its wraps, and the number of wraps. A column that is not a counter is unchanged.
 
     An n-bit counter has whole numbers within a range of less than 2^n, and jumps by nearly this range.
 

@@ -1,4 +1,4 @@
-"""Signals of a recording, force and pressure balances along it, simulations of its command, and residual metrics.
+"""Signals of a recording, its force and pressure balances, simulations of its command, and metrics of residuals.
 
 A residual is measurement minus model. The 95 % bounds of the correlations hold for white residuals. If the model is
 wrong, the residuals of its free run are not white. Sources of the tests: [ljung1978], [mathworks-residuals].
@@ -202,7 +202,7 @@ class Signals:
         return max(LEAST_HALF, round(HALF_WINDOW_S / self.step_s))
 
     def smooth(self, values: Array, order: int = 0, half: int | None = None) -> Array:
-        """Return values smoothed by local cubics, or the time derivative of this order. It is NaN near NaN values."""
+        """Return values smoothed by local cubics, or their time derivative of this order; NaN near NaN values."""
         width = min(2 * (half or self.half) + 1, (values.size - 1) // 2 * 2 - 1)
         return np.asarray(savgol_filter(values, width, 3, deriv=order, delta=self.step_s), dtype=float)
 
@@ -324,7 +324,7 @@ RATES = ("pressure_rate_a_pa_s", "pressure_rate_b_pa_s")
 HALF_SUPPORT_S, LEAST_SAMPLES = 0.02, 5
 #: Change of the command over which the leakage of a valve falls to 1/e, as in the core (assumed).
 LEAKAGE_WIDTH = 0.05
-#: Fraction of the terms below which errors are irrelevant (assumed).
+#: Errors below this fraction of the terms of a balance are irrelevant (assumed).
 FLOOR = MODEL_SHARE
 #: Travel after a reversal until friction is steady, as a multiple of the bristle deflection in sliding.
 BENT = 4.0
@@ -479,7 +479,7 @@ def moving_mass(drive: Drive) -> float:
 
 
 def at_samples(held: Array) -> Array:
-    """Return the mean of the values before and after each sample, so that time sums are correct at command steps."""
+    """Return the mean of the values before and after each sample, so that sums over time are correct at steps."""
     return 0.5 * (held + np.vstack([held[:1], held[:-1]]))
 
 
@@ -543,7 +543,7 @@ SETTLING_RUNS, SETTLING_S = 200, 5e-3
 RUN_COLUMNS = ["position_m", "velocity_m_s", "pressure_a_pa", "pressure_b_pa", "friction_force_n"]
 #: Shortest stop, s; shorter rests are reversals.
 LEAST_STOP_S = 0.05
-#: Longest simulated part of a rest, before its end, s.
+#: Longest part of a rest that is simulated, up to the end of the rest, s.
 MOST_STOP_S = 1.0
 
 
@@ -681,6 +681,6 @@ def breakaways(drive: Drive, signals: Signals) -> tuple[RecordedBreakaway, ...]:
 
 
 def _peak(force: Array, position: Array, bend: float) -> tuple[float, bool]:
-    """Return the largest force before the piston has moved by `bend`, and whether it has moved by `bend`."""
+    """Return the largest force before the piston has moved by `bend`, and whether the piston has moved that far."""
     beyond = np.flatnonzero(np.abs(position - position[0]) > bend)
     return float(np.max(force[: int(beyond[0]) + 1] if beyond.size else force)), bool(beyond.size)

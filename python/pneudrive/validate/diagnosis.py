@@ -155,7 +155,7 @@ def causes(drive: Drive) -> list[Cause]:
 
 
 def _value(key: str, si_unit: str, value: Callable[[Drive, float], float]) -> Change:
-    """Return the change to one value of the description; `value` is a function (drive, amount) -> value in SI."""
+    """Return a change that sets one value of the description; `value` is a function (drive, amount) -> SI value."""
     return _drive(lambda drive, amount: {key: write(value(drive, amount), si_unit)})
 
 
@@ -265,7 +265,7 @@ def _edges(*edges: int) -> Change:
 
 
 def _command(how: Callable[[Array, float, float], Array]) -> Change:
-    """Return a change that opens the valve for another command, `how` (command, amount, sampling step) -> command."""
+    """Return a change of the valve's command; `how` is a function (command, amount, sampling step) -> command."""
 
     def change(scene: Scene, amount: float) -> Scene:
         return _reopened(scene, scene.drive, how(scene.signals.command, amount, scene.signals.step_s))
@@ -332,7 +332,7 @@ def _dead_volume(sides: str) -> Change:
 
 
 def _sensor(position: float = 0.0, a: float = 0.0, b: float = 0.0) -> Change:
-    """Return a change for sensors that read too high by an amount: it lowers the values by this amount."""
+    """Return a change for sensors that read too high by an amount: the values are lowered by this amount."""
 
     def change(scene: Scene, amount: float) -> Scene:
         p_a, p_b = scene.pressures
@@ -358,7 +358,7 @@ _SENSORS: Rows = {
 # --- Fit of the causes to the residuals.
 
 BLOCK_S = 0.25
-#: Normalised residual up to which a balance closes, by sensor noise and irrelevant errors.
+#: Largest normalised residual of a balance that closes within sensor noise and irrelevant errors.
 CLEAN = 1.0
 #: Normalised residual above which causes are tested. It is below 1, because an error common to many samples can be
 #: found within the noise.
@@ -371,7 +371,7 @@ REFINED = 8
 #: Ratio of squared residuals up to which a cause is indistinguishable from the best cause.
 RIVAL = 2.0
 NEWTON_STEPS = 3
-#: Possible critical pressure ratios of a leak; lower limit of the flow function in the divisor of a leak's effect.
+#: Possible critical pressure ratios of a leak; smallest flow function by which the effect is divided.
 LEAK_RATIOS, LEAST_FLOW = (0.0, 0.2, 0.4, 0.528), 0.05
 #: Number of causes that are fitted together with compensating values.
 JOINT = 4

@@ -358,7 +358,7 @@ class _Sliding:
         self.names, self.base = list(columns), np.column_stack([*columns.values()])
 
     def closed(self, recording: Recording) -> tuple[Array, Array, float]:
-        """Return the coefficients of friction, the residual, and the mean power of friction, positive if it brakes."""
+        """Return the coefficients of friction, the residual, and the mean power of friction (positive: braking)."""
         balance = recording.balance_n()[self.use]
         found = np.asarray(np.linalg.lstsq(self.base, balance, rcond=None)[0], dtype=float)
         friction = self.base @ found

@@ -44,10 +44,10 @@ CHANNELS = {"position_m": "position", "pressure_a_pa": "pressure a", "pressure_b
 WINDOW_S = 0.5
 #: Targets (assumed: reached by a good model of a servo drive).
 POSITION_FIT_PERCENT, PRESSURE_NRMSE, BREAKAWAY_ERROR = 90.0, 0.03, 0.05
-#: Fraction of the measured span. The free run deviates from the time at which its error stays larger.
+#: The free run deviates from the time after which its error stays above this fraction of the measured span.
 OFF_SHARE = 0.1
-#: Fit of runs from measured states, %, below which a free run with negative fit counts as moving in the wrong
-#: direction.
+#: A model moves in the wrong direction if the fit of its free run is negative, and the fit of its runs from measured
+#: states is below this value, %.
 WAY_PERCENT = 50.0
 
 

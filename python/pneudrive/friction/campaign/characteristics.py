@@ -66,7 +66,7 @@ def campaign_friction(
     progress : callable, optional
         Called as ``progress(done, total, task)``.
     cancel : object with ``is_set()``, optional
-        Ends the call once it is set.
+        The call ends once this flag is set.
 
     Returns
     -------
@@ -197,7 +197,7 @@ def _characterise(reading: CampaignData, choice: SampleChoice) -> CampaignCharac
 
 
 def _loops(reading: CampaignData, points: CurvePoints, choice: SampleChoice) -> tuple[Loop, ...]:
-    """Return friction loops without offset, at several speeds of each of the first `SHOWN_CONDITIONS` conditions."""
+    """Return friction loops without offset, at several speeds, for the first `SHOWN_CONDITIONS` conditions."""
     files, chosen = {file.cycle.key: file for file in reading.files}, list[int]()
     for index in range(SHOWN_CONDITIONS if files else 0):
         rows = np.flatnonzero((points["curve"] == index) & (points["set_speed_m_s"] > 0))
@@ -209,7 +209,7 @@ def _loops(reading: CampaignData, points: CurvePoints, choice: SampleChoice) -> 
     return tuple(replace(loop, friction_n=loop.friction_n - offset) for loop, offset in pairs if isinstance(loop, Loop))
 
 
-#: Columns of `SUMMARY` with forces, and their values and reason for a cycle without both directions.
+#: Columns of `SUMMARY` that hold forces; values of these columns and of the reason in a cycle without both directions.
 FORCES = ("friction_n", "offset_n", "stderr_n")
 NO_POINT = (np.nan, np.nan, np.nan, "")
 SUMMARY: dict[str, str] = TABLES["summary"]  # columns of the cycles of a campaign -> their types
@@ -480,11 +480,11 @@ def _unsteady(found: CampaignCharacteristics) -> Iterator[Statement]:
 # Friction laws are fitted to the map of a campaign with these effects: one fit for each set of mounting, seal and
 # drive.
 
-#: Largest relaxed fraction of the friction at the start of a hold that bristles of a drive allow.
+#: Largest relaxed fraction that a drive's bristle model allows, relative to friction at the start of the hold.
 MOST_RELAXED = 0.99
 
 Part = tuple[str, Plain]
-"""Key in [friction], and its table, in which measured values are estimates."""
+"""Key in [friction], and the table of this key. Measured values in the table are estimates."""
 
 # --- direction and position ----------------------------------------------------------------------------------------
 
@@ -645,7 +645,7 @@ def with_dependences(fit: FrictionFit, found: CampaignCharacteristics, part: xr.
     """Return a fit with the friction modifiers that the campaign measured. `part` has the fitted rows of the map.
 
     Only significant effects are modifiers. Notes list the other effects, and effects that a drive file cannot describe.
-    Rows of several sets of mounting, seal and drive have no common modifiers, and a note reports this.
+    If the rows have several sets of mounting, seal and drive, no modifiers are added, and a note reports this.
     """
     source, sets = f"campaign {found.name}", set(zip(*(part[name].to_numpy().tolist() for name in LEVELS), strict=True))
     if len(sets) > 1:

@@ -110,9 +110,9 @@ class CurveComparison:
     Attributes
     ----------
     cycles : polars.DataFrame
-        A row for each cycle at common points; in large campaigns, for neighbouring repeats at one point. Columns:
-        ``campaign`` (0 or 1), ``point``, ``log_n`` (logarithm of friction), ``noise`` (its variance), ``count`` (cycles
-        of the row), ``order`` (relative position in the campaign, 0 to 1).
+        A row for each cycle at common points. In large campaigns, neighbouring repeats at one point share a row.
+        Columns: ``campaign`` (0 or 1), ``point``, ``log_n`` (logarithm of friction), ``noise`` (its variance),
+        ``count`` (cycles of the row), ``order`` (relative position in the campaign, 0 to 1).
     points : polars.DataFrame
         A row for each point: `KEY`, ``first_n``, ``second_n`` and ``corrected_p``. The title names mounting, seal and
         drive. Forces are the means of each campaign. ``corrected_p`` is the probability of the difference after Holm's
@@ -447,7 +447,7 @@ def _pairs(both: Both) -> Iterator[tuple[DwellSeries, DwellSeries]]:
 
 
 def _common(a: DwellSeries, b: DwellSeries) -> tuple[Ints, ...]:
-    """Return the indices of the conditions of both series with the same pressures."""
+    """Return for each series the indices of the conditions whose pressures occur in both series."""
     pairs = ([(c.pressure_a_pa, c.pressure_b_pa) for c in series.conditions] for series in (a, b))
     one, two = (np.array(pair).reshape(-1, 2) for pair in pairs)
     return np.nonzero((np.abs(one[:, None] - two) < SAME_PRESSURE_PA).all(axis=2))

@@ -69,10 +69,10 @@ class Fits:
     def bands(self) -> tuple[Row, ...]:
         """Curves with all components of their bands, in the order of the conditions.
 
-        ``number`` is the index of a curve in the models, and ``index`` that of its condition in the points. The other
+        ``number`` is the index of the curve in the models. ``index`` is the index of its condition in the points. Other
         entries have shape (m,). ``cycles`` is the number of cycles at each ``speed_m_s``; it is 0 between the measured
         speeds. ``value_n``, ``low_n`` and ``high_n`` are friction and its statistical 95 % interval. ``offset_n`` is
-        half the sum of both directions, and ``offset_half_n`` half the width of its interval. The rest are those of
+        half the sum of both directions, and ``offset_half_n`` half the width of its interval. Further entries come from
         `systematic`.
         """
         points, found = self.points, []
@@ -186,7 +186,7 @@ def systematic(fits: Fits, friction_n: Array, half_sum_n: Array, condition: Ints
     They refer to `friction_n` and `half_sum_n`, half the difference and half the sum of both directions, at one
     condition or at the condition of each point. They are NaN at a condition without points of F(v).
 
-    ``gain_n`` is an error of the sensors that is proportional to friction, and ``hysteresis_n`` one that is not.
+    ``gain_n`` is the sensor error that is proportional to friction. ``hysteresis_n`` is the sensor error that is not.
     ``position_n`` is the uncertainty of friction over the part of the stroke that the mean does not cover.
     ``friction_u_n`` combines these three. It holds for the mean state of the campaign.
 
@@ -331,7 +331,7 @@ def by_chance(
 ) -> tuple[Array, Array, Array]:
     """Return the values of a curve and the bounds of the statistical 95 % interval, in N.
 
-    Neighbouring speeds and other pressures contribute, so the interval may be narrower than from the cycles at this
+    Neighbouring speeds and other pressures contribute, so the interval may be narrower than one from the cycles at this
     point alone. `OWN_SHARE` limits this reduction. Between the measured speeds, the number of cycles is interpolated.
     """
     curve = fit.at(number, speed_m_s).predict()
@@ -421,9 +421,9 @@ def sources(fits: Fits, gain: Gain, known: ForceCalibration | None) -> tuple[res
 def stick_slip(
     points: CurvePoints,
 ) -> tuple[tuple[result.StickSlipPoint, ...], tuple[result.StickSlipThreshold, ...]]:
-    """Return the conditions and speeds with unsteady sliding, and for each condition the speed below which it starts.
+    """Return the conditions and speeds with unsteady sliding, and the threshold speed of each condition.
 
-    This speed is stated as an interval between two measured speeds.
+    Sliding is unsteady below the threshold. The threshold is stated as an interval between two measured speeds.
     """
     found, thresholds = [], []
     for index, condition in enumerate(points.conditions):

@@ -226,7 +226,7 @@ class CurvePoints(CycleTable):
 
     - ``speed_m_s``: mean of both directions.
     - ``friction_n``, ``offset_n``: half the difference and half the sum of the balances of both directions.
-    - ``air_n``: half the difference of the chambers' force, positive against the motion.
+    - ``air_n``: half the difference of the pressure force between both directions, positive against the motion.
     - ``friction_stderr_n``, ``offset_stderr_n``, ``air_stderr_n``, ``total_stderr_n``: standard errors from the
       scatter of the strokes, at least the noise within strokes.
     - ``relative_n``: friction in each bin divided by its mean over the bins. NaN without settled samples.
@@ -271,7 +271,7 @@ class CurvePoints(CycleTable):
         return {title: self.use & (titles == title)[self["curve"]] for title in dict.fromkeys(titles.tolist())}
 
     def labels(self, name: str, rows: NDArray[np.intp]) -> list[list]:
-        """Return the values of a column for all cycles of each of these points."""
+        """Return for each of these points the values of a column in all its cycles."""
         return [self.whole[name][self.members[i]].tolist() for i in rows]
 
     def condensed(self) -> CurvePoints:
@@ -330,7 +330,7 @@ def grouped(place: Ints, stretch: Ints, rows: int, most: int) -> list[list[int]]
     Parameters
     ----------
     place, stretch : ndarray of int, shape (n,)
-        Index of the point and of the part of the campaign of each cycle, in the order of execution.
+        For each cycle, in the order of execution: index of its point, and index of its part of the campaign.
     rows : int
         Approximate number of groups.
     most : int

@@ -50,7 +50,7 @@ if TYPE_CHECKING:
     from pneudrive.friction.characterisation import Characterisation
 
     Read = tuple[float, Row | Skipped | None]
-    """Path length of a cycle's moves, and its row or the reason why it has none."""
+    """Path length of a cycle's moves; row of the cycle, or the reason why the cycle has no row."""
 
 T = TypeVar("T")
 SAME_SPEED = 0.1  # largest difference of the speeds of strokes in one cycle
@@ -119,7 +119,8 @@ def reduce_cycle(motion: RecordedMotion, edges_m: Array) -> Row:
     Raises
     ------
     RecordingError
-        If the strokes have different speeds, or no stroke has settled in at least a quarter of its middle part.
+        If the strokes have different speeds, or if every stroke has settled samples in less than a
+        quarter of its middle part.
     """
     name, speeds = motion.recording.name, np.abs([stroke.speed_m_s for stroke in motion.strokes])
     if speeds.max() - speeds.min() > SAME_SPEED * speeds.max():
@@ -199,8 +200,8 @@ class Gain:
         Gain error from the weights only, and its standard error. NaN without weights.
     cycles : int
     sentence : str
-        Key of the statement on the error. An implausibly large error is reported, and nothing is corrected. If the
-        error exceeds stated accuracy and scatter, the stated accuracy is ignored.
+        Key of the statement on the error. An implausibly large error is reported, but not corrected. If the error
+        exceeds stated accuracy and scatter, the stated accuracy is ignored.
     """
 
     error: float = 0.0
@@ -212,7 +213,7 @@ class Gain:
 
 
 def sensor_gain(identity: Identity, weights: CycleTable, tares: CycleTable) -> Gain:
-    """Compare the readings of the sensor under known weights with its readings when released.
+    """Compare the readings of the sensor under known weights with its readings in zero runs.
 
     If a weight pulls the piston in +x, the rig holds the piston, and the reading is lower by the weight.
     """
@@ -270,10 +271,10 @@ def corrected(cycles: CycleTable, gain: Gain) -> CycleTable:
 def pressure_zeros(identity: Identity, tares: CycleTable) -> dict[str, Row]:
     """Return chamber ("a", "b") -> zero of its transducer, for transducers with a stated accuracy.
 
-    ``tares`` is the number of usable zero runs. ``unusable`` has the key of a statement -> key of the zero run with
-    this fault -> deviation from ambient, or change, in Pa. Three entries need usable zero runs. ``blocks`` has the zero
-    of each block, in Pa, which is subtracted from its cycles. ``mean_pa`` is the mean over all runs. ``stderr_pa`` is
-    its standard uncertainty from noise and from the scatter of the runs.
+    ``tares`` is the number of usable zero runs. ``unusable`` maps the key of a statement to its zero runs: key of the
+    run -> deviation from ambient, or change, in Pa. The other three entries exist only with usable zero runs.
+    ``blocks`` has the zero of each block, in Pa, which is subtracted from the cycles of the block. ``mean_pa`` is the
+    mean over all runs. ``stderr_pa`` is the standard uncertainty of this mean from noise and scatter of the runs.
     """
     found = {}
     for side in "ab":
@@ -445,7 +446,7 @@ class CampaignData:
     skipped : tuple of Skipped
     notes : tuple of str
     edges_m : ndarray, shape (bins + 1,)
-        Bins of position.
+        Edges of the position bins.
     """
 
     name: str

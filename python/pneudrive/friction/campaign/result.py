@@ -44,7 +44,7 @@ class PressureEffects:
     means : dict
         Chamber -> mean over all speeds.
     interaction : FTest or None
-        Test of the effect of p_a p_b: its mean and its change with log speed. None if the design does not determine it.
+        Test of the effect of p_a p_b (mean and change with log speed). None if the design does not determine it.
     interaction_n_pa2 : Estimate or None
         Mean of this effect over speeds, in N/Pa2.
     curvature : FTest or None
@@ -71,7 +71,7 @@ class PressureEffects:
 
 @dataclass(frozen=True, eq=False)
 class AirShare:
-    """Half the difference of the force readings of both directions, divided into air and seal, at one condition.
+    """Half the difference of the force readings between both directions at one condition, divided into air and seal.
 
     Attributes
     ----------
@@ -193,7 +193,7 @@ class StickSlipPoint:
 
 @dataclass(frozen=True)
 class StickSlipThreshold:
-    """Speed below which stick-slip starts. It is between the highest speed with and the lowest without stick-slip."""
+    """Speed below which stick-slip starts: between the highest speed with stick-slip and the lowest without it."""
 
     condition: Condition
     low_m_s: float
@@ -218,8 +218,8 @@ class Drift:
     basis : str
         sentinels, repeats, smooth curve, not determined.
     spread_n : float
-        Standard deviation of the drift over the cycles: typical difference between friction at some time in the
-        campaign and the curves, which belong to the mean state. The bands of the curves do not cover it.
+        Standard deviation of the drift over the cycles: typical difference between friction at one time and the curves.
+        The curves hold for the mean state of the campaign, and their bands do not cover this difference.
     """
 
     time_s: Array
@@ -390,7 +390,7 @@ class CampaignCharacteristics(Viewed):
         friction with its standard error, flags, and more.
     skipped : tuple of Skipped
     flags : dict
-        Name -> number of cycles with it.
+        Name of a flag -> number of cycles with this flag.
     friction_map : xarray.Dataset
         One row per cycle, speed level and direction: the columns of a friction map, the 95 % band and the levels.
     curves : tuple of Curve

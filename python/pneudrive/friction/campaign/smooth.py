@@ -1,16 +1,16 @@
 """Curves over speed with scatter between cycles, and outliers: a smoothing spline inside a mixed model.
 
-A curve is a line and a deviation from it whose smoothness follows from the data. The deviation is an integrated Wiener
+A curve is a line plus a smooth deviation. The data determine the smoothness. The deviation is an integrated Wiener
 process. Its estimate is the cubic smoothing spline, and its posterior gives the band [wahba1983]. Curves of one
 campaign share their shape as far as the data support this. Smoothness refers to a stretched speed, which is logarithmic
 at low and proportional at high speed. Both the Stribeck part and the viscous part are smooth over the stretched speed.
 
 Outliers are cycles that do not fit any curve. Two outliers can mask each other, because both increase the scatter, and
 an outlier can make a good repeat look like an outlier. Each cycle is therefore compared with its prediction from all
-others [cook1982]: neighbours in speed, other pressures, repeats. The cycle with the largest deviation relative to the
-robust scatter is removed, and the model is fitted again, repeatedly. The number of outliers is the most probable one
-[box1968]: an outlier may show any friction, but is rare. Finally, each removed cycle is used again if it agrees with
-the prediction from the good cycles. A cycle is suspect if the data do not show whether it is an outlier.
+others [cook1982]: neighbours in speed, other pressures, repeats. In each step, the cycle with the largest deviation
+relative to the robust scatter is removed, and the model is fitted again. The number of outliers is the most probable
+one [box1968]: an outlier may show any friction, but is rare. Finally, each removed cycle is used again if it agrees
+with the prediction from the good cycles. A cycle is suspect if the data do not show whether it is an outlier.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ CURVE_DEGREE = 5  # polynomials in stretched speed that represent all curves the
 
 
 def stretched(speed_m_s: Array, lowest_m_s: float) -> Array:
-    """Return the stretched speed: logarithmic at low, proportional at high speed; zero at the lowest.
+    """Return the stretched speed: logarithmic at low speed, proportional at high speed, zero at the lowest speed.
 
     Examples
     --------
@@ -71,8 +71,8 @@ class CurveData:
     count : ndarray
         Number of cycles averaged in an observation.
     chance : ndarray or 1
-        Standard deviation of a cycle relative to that at mean friction; 1 if it does not depend on friction in the unit
-        of the response.
+        Standard deviation of a cycle relative to that at mean friction; 1 if this deviation, in the unit of the
+        response, does not depend on friction.
     blocks : ndarray, shape (n, blocks), or None
         Fraction of each block (or day) in each observation, if the design determines their deviations.
     drift : bool
@@ -125,7 +125,7 @@ class CurveData:
         return np.column_stack([zero, levels, slope])
 
     def kernels(self, first: tuple[Array, Ints], second: tuple[Array, Ints]) -> Columns:
-        """Return the covariance of the smooth deviations between speeds on curves."""
+        """Return the covariances of the smooth deviations between two sets of points (speed, curve)."""
         (s, i), (t, j) = first, second
         s, t = self.place(s), self.place(t)
         on = (i >= 0)[:, None] & (j >= 0)
@@ -176,7 +176,7 @@ class CurveFit:
 
 
 def determines_drift(data: CurveData) -> bool:
-    """Return whether curves could absorb only a part of a steady drift; False if speed follows the order of cycles."""
+    """Return whether a steady drift is distinguishable from the curves; False if speed follows the order of cycles."""
     on = data.curve >= 0
     if on.sum() < 3 or np.ptp(data.order[on]) == 0:
         return False
@@ -293,7 +293,7 @@ def wild_cycles(data: CurveData) -> tuple[list[int], list[list[int]]]:
 
 
 def _path(data: CurveData) -> list[tuple[list[int], Array, float]]:
-    """Remove cycles one by one, each time the one whose removal makes the others most probable.
+    """Remove cycles one by one. Each step removes the cycle whose removal makes the other cycles most probable.
 
     Return for each step, beginning with no removal: removed cycles, standard deviations of the rest, negative log
     probability.

@@ -318,7 +318,7 @@ def _harmonic(order: float, wavelength: float, cosine: Array, sine: Array) -> Po
 #: Relative change of friction over a campaign, by run-in or wear, that may be mistaken for an effect of pressure if the
 #: order of the cycles follows pressure (assumed standard uncertainty).
 HIDDEN_CHANGE = 0.1
-#: Fraction of that change in the effect of a pressure above which a warning is given.
+#: A warning is given if the effect of a pressure may contain more than this fraction of `HIDDEN_CHANGE`.
 FOLLOWS_TIME = 0.1
 
 

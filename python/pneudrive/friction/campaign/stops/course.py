@@ -44,7 +44,7 @@ from pneudrive.signals.recording import Recording
 
 #: Smallest number of samples of a phase.
 FEWEST = 5
-#: Relative deviation from the usual speed up to which samples belong to the part of a move at constant speed.
+#: Largest relative deviation from the usual speed in the part of a move at constant speed.
 STEADY = 0.1
 
 
@@ -178,7 +178,7 @@ def _phases(time_s: Array, position_m: Array, step: Ints, hold: int) -> Phases |
 
 SAME_SPEED = 0.05  # speeds that differ by less than this share are equal
 POINTS = 400  # over a stroke: means of neighbouring samples
-#: Final fraction of the approach at constant speed that is used; before, friction may still recover.
+#: Last fraction of the approach at constant speed. Only this part is used: friction may still recover earlier.
 LAST_SHARE = 0.5
 BINS = 24
 MOST_REFERENCES = 8
@@ -442,8 +442,8 @@ def recover(bins: Array, running_stderr_n: float, speed_m_s: float) -> Row:
     -------
     dict
         Empty if the excess at the peak is not distinguishable from zero. Otherwise distance and time from the peak to 5
-        % of the excess, travel after the peak, and whether the move is long enough. If not, upper bounds are infinite.
-        If the excess is not exponential within its noise, the distance is read from the bins.
+        % of the excess, travel after the peak, and whether the move is long enough. Upper bounds are infinite if the
+        move is too short. If the excess is not exponential within its noise, the distance is read from the bins.
     """
     s, time, y, sigma = bins
     first = slice(0, max(2, s.size // 10))
@@ -498,7 +498,7 @@ def _by_bins(travel: Array, above: Array, sigma: Array) -> tuple[float, float, f
 
 PER_DECADE = 12
 FEWEST_TIMES = 6
-#: Duration at the start, s, and fraction at the end of a hold that are averaged for the amount of relaxation.
+#: Parts of a hold that are averaged for the amount of relaxation: duration at the start, s; fraction at the end.
 START_S, END_SHARE = 0.1, 0.1
 LEAST_SAMPLES = 3
 #: Factor by which the search for time constants extends beyond the times of the first and last bin.

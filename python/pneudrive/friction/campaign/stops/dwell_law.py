@@ -46,9 +46,9 @@ class DwellPressure:
     Attributes
     ----------
     slopes : dict
-        Chamber (a, b, or sum if both changed together) -> change of the slope per decade with its pressure, in N/Pa.
+        Chamber (a, b, or sum if both changed together) -> change of the slope per decade with this pressure, in N/Pa.
     increments : dict
-        Chamber -> change of the increment at the reference duration with its pressure, in N/Pa.
+        Chamber -> change of the increment at the reference duration with this pressure, in N/Pa.
     statement : str
     """
 
@@ -280,8 +280,8 @@ def fit_contact_age(
     )
 
 
-#: Longest stop, s, that does not determine the time of saturation under any law (assumed: hours to days for
-#: elastomers).
+#: Stops up to this duration, s, do not determine the time of saturation under any law (assumed: this time is hours to
+#: days for elastomers).
 LONG_S = 1000.0
 RATE_SPREAD, RATE_CORRELATION = 0.2, 0.5
 

@@ -4,8 +4,8 @@ The laws are fitted side by side and compared by information criteria:
 
   y = a_c + B_c psi(t; shape) at each condition c; the shape is common to all conditions
 
-psi is a growth function of the core, named as in drive files, with a time constant and an exponent. The intervals of
-both come from their profiles, and are open if the data do not limit them.
+psi is a growth function of the core, named as in drive files, with a time constant and an exponent. Both have
+profile intervals. A side of an interval is open if the data do not limit it.
 
 The curve without a law is a function of the logarithm of the duration:
 
@@ -213,12 +213,12 @@ def _fit(curve: DwellCurve, form: DwellForm, whitener: Array, reference_s: float
     )
 
 
-#: Correlation length of each bend in decades (the known laws bend within one or two), and its prior size as a fraction
-#: of the range of the increments (assumed; chosen by the coverage in simulated campaigns under six laws).
+#: Correlation length of each bend in decades (known laws bend within one or two), and prior size of a bend relative to
+#: the range of the increments (assumed; chosen by the coverage of intervals in campaigns simulated with six laws).
 BENDS = {"quick bend": (0.6, 0.05), "slow bend": (1.5, 0.2)}
 #: Fraction of the bend common to all conditions (assumed), because ageing is similar at different pressures.
 COMMON_BEND = 0.8
-#: Bounds of the scatter's variance, which grows with the increment, relative to its mean.
+#: Bounds of the variance of the scatter, relative to its mean. The variance grows with the increment.
 GROWTH_RANGE = (0.25, 4.0)
 #: Smallest number of blocks for estimating the scatter of their slopes.
 BLOCKS_FOR_SLOPES = 3
@@ -231,7 +231,7 @@ SAME_PLACE_M = 1e-3  # stops in one direction whose positions differ by less: ot
 #: Huber's constant for outlying stops, and number of updates of their weights.
 HUBER_K, ROUNDS = 2.5, 3
 LEAST_FREEDOM = 2
-#: Surplus of stops over unknowns required to add positions, and to add drift, to the unknowns.
+#: Required excess of stops over unknowns: to add positions as unknowns, and to add drift as an unknown.
 SPARE_FOR_PLACES, SPARE_FOR_DRIFT = 4, 6
 
 

@@ -1,8 +1,8 @@
 """Stops in the middle of a move: relaxation while held, breakaway peak, return to uninterrupted sliding.
 
 Every result is a difference within one move, or to an uninterrupted move of the same cycle, so that the zero of the
-sensor and slow drift cancel. Samples are raw. Friction is the force balance times the direction here, and still
-contains the offset.
+sensor and slow drift cancel. Samples are raw. In this module, friction is the force balance times the direction, and
+still contains the offset.
 
 All stops of a campaign form one table, in memory and as a file.
 
@@ -10,9 +10,9 @@ The height of a breakaway peak must be free of bias, although samples are noisy.
 
 The largest of many noisy samples is biased upwards, and the largest of smoothed samples is biased downwards. Therefore,
 one half of the samples locates the peak, and the other half gives its height. Then the halves are exchanged. Noise
-that shifts the location therefore does not raise the height. Samples are smoothed by local parabolas of the largest
-width whose peak agrees within noise with the peaks of all narrower parabolas. A sharp peak is therefore smoothed
-little, and a flat peak much.
+that shifts the location therefore does not raise the height. Samples are smoothed by local parabolas. Their
+width is the largest at which the peak agrees, within noise, with the peaks at all smaller widths. A sharp
+peak is therefore smoothed little, and a flat peak much.
 
 A peak between a steep rise and a slow fall is modelled as a sharp or rounded corner:
 
@@ -46,7 +46,7 @@ from pneudrive.signals.motion import noise_level, straight_line
 from pneudrive.signals.recording import Recording
 
 #: Largest contribution of air force or inertia to a usable peak, as a fraction of the increment; also largest loading
-#: time as a fraction of the stop.
+#: time, as a fraction of the stop duration.
 SPOILS = 0.1
 LEAST_RATE_HZ = 5000.0  # least rate of samples around a restart
 SAME_DURATION = 0.2  # share by which a rest may differ from the planned stop without a flag
@@ -250,8 +250,8 @@ def _comparable(files: Sequence[CycleFile], stops: Sequence[CycleFile]) -> list[
 
 # --- Height of a breakaway peak.
 
-#: Depths below the peak, as fractions of the excess, to which samples on both sides are fitted: the largest that a
-#: corner describes is used.
+#: Depths below the peak, as fractions of the excess. A corner is fitted to the samples on both sides down to a depth.
+#: The largest depth at which a corner describes the samples is used.
 DEPTHS = (0.6, 0.35, 0.2)
 LEAST_DEPTH = 8.0  # deviations of the noise
 BEHIND, BEFORE = 160, 60  # samples at most on either side
@@ -282,7 +282,7 @@ def corner_height(friction_n: Array, top: int, excess_n: float, one_n: float, ma
     one_n : float
         Standard deviation of one sample.
     many_n : float
-        Standard deviation of one sample that holds for means of many samples. It exceeds `one_n` for correlated noise.
+        Equivalent standard deviation of one sample in means of many samples. It exceeds `one_n` if noise is correlated.
 
     Returns
     -------
@@ -413,7 +413,7 @@ def find_breakaway(
     Parameters
     ----------
     time_s, travel_m, friction_n : ndarray, shape (n,)
-        Raw samples from the restart on; travel of the axis since then, friction positive against the motion.
+        Raw samples from the restart on: time, travel of the axis since the restart, friction (positive against motion).
     running_n : float
         Level of uninterrupted sliding at the peak.
     stiffness_n_m : float, optional
@@ -488,7 +488,7 @@ class Noise:
 
     @classmethod
     def of(cls, values: Array) -> Noise:
-        """Estimate the white part from second differences, the slow one from residuals of a smoothed curve.
+        """Estimate the white part from second differences, and the slow part from residuals of a smoothed curve.
 
         The residuals are those after the largest value, where the force changes slowly.
         """
