@@ -577,7 +577,7 @@ def benchmark(
 
 
 def true_drive(described: Prepared, spread: Mismatch | None, member: int) -> Prepared:
-    """Return the inputs of a run: of one member of a spread, or of the described drive if there is no spread."""
+    """Return the inputs of a run, for one member of a spread or, without a spread, for the described drive."""
     return described if spread is None else deviating(described, spread, spread.drawn(SPREAD_SEED, member))
 
 

@@ -382,7 +382,7 @@ def run(
         ``step(t, sample, preview)``, which returns the command. If the law has ``start(model, period)``, this method is
         called before a run. ``"mine.py:Law"`` names such a class.
     reference : Reference, str or path-like
-        See `pneudrive.control.reference`; or the name of a standard one, ``"R1"`` to ``"R6"``.
+        See `pneudrive.control.reference`; or the name of a standard reference, ``"R1"`` to ``"R6"``.
     setup : Setup, str or path-like, optional
         Sensors, converter and computer: ``"ideal"``, ``"real"``, ``"cheap"``, or a TOML file. Default: the setup of
         the controller, otherwise ``"real"``.

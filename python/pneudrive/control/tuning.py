@@ -311,7 +311,7 @@ class Tuning(Viewed):
 
     @cached_property
     def speeds_m_s(self) -> Pair:
-        """Steady speeds of the assumed drive at full opening and mid-stroke in +x and in -x; 0 if it does not move.
+        """Steady speeds of the assumed drive at full opening and mid-stroke in +x and in -x; 0 without motion.
 
         If the steady-state solver does not find a speed, the speed with choked exhaust is returned instead.
         """
@@ -508,7 +508,7 @@ def tune(
 
 
 def _table(law: object, controller: ControllerOrFile | None) -> tuple[Controller, Path, str, str | None]:
-    """Return a controller, its folder, and path and text of its file; the text is None for a given object."""
+    """Return a controller, its folder, and path and text of its file. A given object gives None instead of a text."""
     if controller is None:
         word = OWN if isinstance(law, OwnLaw) else law or DEFAULT_LAW
         if word != OWN and word not in laws():

@@ -23,8 +23,8 @@ from pneudrive.simulation.session import Linear, Session
 
 # --- The valves of a drive as one signal u: 1 and -1 move the piston out and back, 0 shuts the valves.
 #
-# A switching valve has only the commands of its positions. To hold a state, it is replaced by a proportional valve with
-# the same paths, fully open to one side or the other.
+# A switching valve has only the commands of its positions. To hold a state, a proportional valve with the same paths
+# replaces the switching valve. It is fully open to one side or the other.
 
 #: Keys that only a switching valve has.
 _TIMES = ("time_on", "time_off", "travel_share", "pwm_frequency", "pwm_model", "normally", "centre")
@@ -472,7 +472,7 @@ class HeldDrive:
         return self.chamber(gas, "a")[0], self.chamber(gas, "b")[0]
 
     def chamber(self, gas: Array, which: str) -> Pair:
-        """Return pressure and temperature of chamber a or b, or those of the ambient if the chamber is open."""
+        """Return pressure and temperature of chamber a or b, or of the ambient if the chamber is open."""
         node = f"{self.piston}.{which}"
         if node not in self.nodes:
             return self.ambient

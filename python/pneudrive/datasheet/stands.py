@@ -211,7 +211,7 @@ FIGURES: dict[str, tuple[str, str, Callable[[Drive], float]]] = {
 
 
 def parts_of(drive: Drive) -> Iterator[Entry]:
-    """Yield the valves and cylinders of the catalogue whose sourced values are all equal to those of the drive."""
+    """Yield valves and cylinders of the catalogue whose sourced values all equal the values of the drive."""
     own = {key: origin.value for key, origin in drive.origin_of.items()}
     for part in entries().values():
         table = part.kind.partition("/")[0]

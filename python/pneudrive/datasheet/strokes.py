@@ -44,7 +44,7 @@ class StrokeNumbers(Viewed):
     Attributes
     ----------
     direction : int
-        1 towards the end of chamber b, -1 towards that of chamber a.
+        1 towards the end of chamber b, -1 towards the end of chamber a.
     stroke_time, time_99, dead_time, rise_time, settling_time : float
         See `STROKE_MEANING`.
     overshoot, way, mean_speed, top_speed, end_speed, end_energy, peak_pressure_a, peak_pressure_b : float

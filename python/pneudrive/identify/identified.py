@@ -262,7 +262,7 @@ def _said(found: Identified, name: str, mark: Written | None) -> dict[str, str]:
 
 
 def _assumed(found: Identified, drive: Drive) -> dict[str, str | float]:
-    """Return the assumed friction parameters that depend on identified ones, with their new values."""
+    """Return the assumed friction parameters that depend on identified values, with their new values."""
     own = {k.removeprefix("friction."): v for k, v in found.values.items() if k.count(".") == 1}
     changed = {k: v for k, v in own.items() if k in drive.friction.parameters}
     marks = parameter_quantities(drive.friction.entry)

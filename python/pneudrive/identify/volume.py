@@ -154,8 +154,8 @@ def identify_volume(
     free : sequence of str, optional
         Names in the tank file: ``line.conductance``, ``line.critical_pressure_ratio``, ``line.pressure``,
         ``volume.heat_transfer``, ``volume.leakage``, ``volume.value``, ``tube.friction_scale``. Default: all of
-        these except ``line.pressure`` and ``volume.value``, as far as the tank has them, and the leak only if a
-        recording can distinguish it from the line.
+        these that the tank has, except ``line.pressure`` and ``volume.value``; the leak only if a recording can
+        distinguish the leak from the line.
     layout : Layout or path, optional
         Layout of files.
     progress, cancel
@@ -621,7 +621,7 @@ def _simulate(point: Array, record: VolumeRecording, dead_s: float) -> Array:
 
 
 def _intervals(records: Sequence[VolumeRecording], best: OptimizeResult, own: Columns) -> tuple[NamedIntervals, float]:
-    """Return intervals from blocks of time or from runs, the wider ones, and the correlation of gain and offset."""
+    """Return the wider intervals, by blocks of time or by runs, and the correlation of gain and offset."""
     inverse = np.linalg.pinv(best.jac.T @ best.jac)
     times = np.concatenate([i * 1e6 + r.time_s for i, r in enumerate(records)])
     edges = np.unique(np.floor(times / BLOCK_S), return_index=True)[1]

@@ -159,7 +159,7 @@ class SizingCandidate:
         A choice that is run first: the same parts with the widest valve or flow control, because a needle limits the
         flow anyway. Without flow controls, a choice has a lead only if the lead's exhaust path is at least as wide.
     settings : Tuned or None
-        Rough settings, or refined ones.
+        Rough or refined settings.
     is_tuned : bool
         Whether the settings are refined.
     drive : SizedDrive or None
@@ -261,7 +261,7 @@ WAYS = "outwards", "back"
 
 
 class SafeBounds:
-    """Bounds that a choice of parts must pass, because it cannot do the task otherwise.
+    """Bounds that a choice of parts must pass to be able to do the task.
 
     Parameters
     ----------

@@ -133,7 +133,7 @@ def probability_bound(met: int, draws: int) -> float:
 
 
 def explained(draws: Array, margins: Array) -> NamedNumbers:
-    """Return, for each sampled number, the fraction of the variance of the ranked margins that it explains.
+    """Return, for each sampled number, which fraction of the variance of the ranked margins the number explains.
 
     Parameters
     ----------
@@ -152,7 +152,7 @@ def explained(draws: Array, margins: Array) -> NamedNumbers:
 
 
 class Shortage(NamedTuple):
-    """Limit that excludes choices of parts, because they do not meet it.
+    """Limit that some choices of parts cannot meet, and that excludes these choices.
 
     Attributes
     ----------

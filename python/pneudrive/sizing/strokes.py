@@ -121,7 +121,7 @@ class DriveStrokes:
     choice : DriveChoice
     task : SizingTask
     return_share : float
-        Gauge pressure for the return stroke divided by that of the supply; below 1 with a regulator.
+        Gauge pressure for the return stroke divided by the gauge pressure of the supply; below 1 with a regulator.
     """
 
     choice: DriveChoice
@@ -213,7 +213,7 @@ class DriveStrokes:
         return outward, f"{numbers} {task.supply} {task.ambient.to_dict()}", *(part.form for part in parts)
 
     def template(self, outward: bool) -> tuple[System, NamedNumbers]:
-        """Return circuit and start state of a stroke in the core's form. Choices with equal keys have the same ones."""
+        """Return circuit and start state of a stroke in the core's form; both are equal for equal keys."""
         key = self.template_key(outward)
         if key not in _TEMPLATES:
             paths = {}  # the two paths that the valve opens

@@ -438,7 +438,7 @@ def grouped(parts: Sequence[PartChoice]) -> list[PartChoice]:
 
 
 def part_choice(entry: Entry, task: SizingTask) -> PartChoice:
-    """Return a part whose values are overridden by those of the task and completed by assumed ones."""
+    """Return a part of the catalogue. Values of the task replace its values, and assumed values fill the gaps."""
     own = {value.key: value.value for value in entry.values}
     printed = {value.key: value.value for value in entry.printed}
     given: Plain = {}
@@ -486,7 +486,7 @@ def part_choice(entry: Entry, task: SizingTask) -> PartChoice:
 def _cylinder(
     kind: str, own: Keyed, printed: Keyed, task: SizingTask, *, is_fixed: bool
 ) -> tuple[Plain, dict[str, tuple[Any, str]]]:
-    """Return the values of a cylinder that follow from the task, and the assumed ones.
+    """Return the values of a cylinder that follow from the task, and the assumed values.
 
     `own` and `printed` are the values of its data sheet. The stroke of the sheet is used if it is fixed.
     """

@@ -227,7 +227,7 @@ class EnergyBalance(Viewed):
     lost_j : dict of str to float
         Component and cause -> exergy lost, in J: ambient temperature times entropy produced. The largest comes first.
     air_kg : dict of str to float
-        Reservoir -> mass that it supplied, in kg. Negative if it received more than it supplied.
+        Reservoir -> supplied mass, in kg; negative if the reservoir received more than it supplied.
     anr_density_kg_m3 : float
         Density of the gas at the standard reference atmosphere.
     """

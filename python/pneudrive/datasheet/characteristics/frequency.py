@@ -296,15 +296,15 @@ def _tornado(plant: HeldDrive, numbers: Any = None) -> Found:  # noqa: ANN401 - 
     parameter : 1
         number of the drive file
     steady_speed_sensitivity : 1 over parameter
-        relative change of the steady speed at full command, divided by that of the number
+        relative change of the steady speed at full command, per relative change of the number
     stall_force_sensitivity : 1 over parameter
-        relative change of the largest load that the resting piston can move, divided by that of the number
+        relative change of the largest load that the resting piston can move, per relative change of the number
     natural_frequency_sensitivity : 1 over parameter
-        relative change of the natural frequency at mid stroke, divided by that of the number
+        relative change of the natural frequency at mid stroke, per relative change of the number
     stroke_time_sensitivity : 1 over parameter
-        relative change of the time of a full stroke from rest, divided by that of the number
+        relative change of the time of a full stroke from rest, per relative change of the number
     end_speed_sensitivity : 1 over parameter
-        relative change of the speed at the end of that stroke, divided by that of the number
+        relative change of the speed at the end of that stroke, per relative change of the number
     """
     drive: Any = plant.described
     if not hasattr(drive, "cylinder"):

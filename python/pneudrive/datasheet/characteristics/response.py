@@ -124,7 +124,7 @@ def square(half_s: float, repeats: int) -> list[Pair]:
 
 @lru_cache(maxsize=16)  # characteristics of one drive share runs
 def cycle(plant: HeldDrive) -> StrokeRun:
-    """Run out and back until the cycle is periodic; columns and strokes are those of the last cycle."""
+    """Run out and back until the cycle is periodic; return columns and strokes of the last cycle."""
     return run_strokes(plant, [1.0, -1.0] * REPEATS, 0.0, plant.before(1.0))
 
 

@@ -29,8 +29,8 @@ def full_force(plant: HeldDrive, direction: float, velocity: float = LEAST_VELOC
     """Return blocked and stall force (N) at full command, positive in the direction of the command.
 
     The blocked force is the force of gas, weight and described load on a pinned piston. The stall force is the blocked
-    force minus the friction at a velocity. With the default velocity, it is the largest load that a piston at rest can
-    move.
+    force minus the friction at a velocity. With the default velocity, the stall force is the largest load that a piston
+    at rest can move.
     """
     rest = steady_state(plant, direction)
     pressures = (rest.pressure_a_pa, rest.pressure_b_pa)
@@ -264,7 +264,7 @@ def _stiffness(plant: HeldDrive, pressures: Any = None) -> Found:  # noqa: ANN40
     Settings
     --------
     pressures
-        absolute pressures; default: those of 2, 3, 4, 5 bar abs below the supply
+        absolute pressures; default: 2, 3, 4 and 5 bar abs, if below the supply pressure
 
     Results
     -------
@@ -325,7 +325,7 @@ def _frequency(plant: HeldDrive, pressures: Any = None) -> Found:  # noqa: ANN40
     Settings
     --------
     pressures
-        absolute pressures; default: those of 2, 3, 4, 5 bar abs below the supply
+        absolute pressures; default: 2, 3, 4 and 5 bar abs, if below the supply pressure
 
     Results
     -------

@@ -49,8 +49,8 @@ def transforms_of(
 ) -> Transforms:
     """Return the coordinates of the free values: those of the drive or circuit, then those of the sensors.
 
-    The breakaway force is the Coulomb force plus a positive excess. If one of these forces is held, it limits the
-    other.
+    The breakaway force is the Coulomb force plus a positive excess. If one force is held, the held force limits the
+    other force.
     """
     every, numbers = [*parameters, *sensors], numbers_of(drive)
     places = {p.name: k for k, p in enumerate(parameters)}

@@ -7,9 +7,9 @@ limit of the model error, each held number (bore, supply pressure, conductance, 
 
     d theta_h = - (Phi^T W Phi)^-1 Phi^T W d e_h,    floor = sqrt(sum over h of d theta_h^2)
 
-Phi are the derivatives of the balances' residuals with respect to the free values, and d e_h is the change of these
-residuals due to the error of the held number h. W weights each balance by one over the mean square of its terms. The
-formula uses the motion of the recordings, but not their noise.
+Phi are the derivatives of the balances' residuals with respect to the free values. The error of the held number h
+changes these residuals by d e_h. W weights each balance by one over the mean square of its terms. The formula uses the
+motion of the recordings, but not their noise.
 """
 
 from __future__ import annotations
@@ -294,7 +294,7 @@ def model_errors(drive: Drive | Circuit, solved: Solved) -> NamedNumbers:
 def _balances(solved: Solved, index: int, family: DriveFamily, values: Array) -> Along:
     """Return the balances along the fitted motion of a recording, which is free of noise.
 
-    The balances are those of force in sliding (in N) and of both pressure rates (in Pa/s).
+    The balances are the force balance in sliding (in N) and the balances of both pressure rates (in Pa/s).
     """
     experiment, starts = solved.problem.experiments[index], solved.at.point.states[index]
     fitted = solved.values[: solved.problem.drive_size]

@@ -20,8 +20,8 @@ The interval of a speed is therefore found without a search::
   u = (ln |v| - ln v_low)/h,   k = trunc(u),   d = u - k
   F = sign(v) (c0 + c1 d + c2 d^2 + c3 d^3)                                                         [N]
 
-Below the lowest speed, F = F(v_low) v/v_low, so that it passes zero without a jump. Above the highest speed, it
-continues as a straight line with its last slope.
+Below the lowest speed, F = F(v_low) v/v_low, so that the curve passes zero without a jump. Above the highest speed, the
+curve continues as a straight line with its last slope.
 
 """
 

@@ -90,7 +90,7 @@ def check_follow(follow: str) -> None:
 
 
 def driven_recordings(recordings: MotionRecordings, layout: AnyLayout = None) -> list[DrivenRecording]:
-    """Read one or several recordings of a driven piston: time, position, both pressures, and a force if there is one.
+    """Read one or several recordings of a driven piston: time, position, both pressures, and a force if measured.
 
     Raises
     ------

@@ -69,11 +69,11 @@ def fit_friction(
     pressure : str
         Form of `pressure_dependence`: ``linear`` in the gauge pressures; ``quadratic``; ``saturating``, with g/(1 +
         g/knee) instead of each gauge pressure g and the most likely of a few knees; or ``interaction``, with the
-        product of both.
+        product of both gauge pressures.
     viscous : bool
         Whether to fit a viscous part. False holds it at zero; use this for nearly equal speeds.
     exclude_flags : collection of str
-        Rows with any of these flags are left out; by default those of stick-slip.
+        Rows with any of these flags are left out; by default rows with stick-slip.
 
     Returns
     -------

@@ -48,7 +48,7 @@ FORCES = ("coulomb", "breakaway")
 #: Slopes over the gauge pressures of the chambers, in the order of a fit.
 PRESSURE_NAMES = ("coulomb_a", "coulomb_b", "breakaway_a", "breakaway_b")
 #: Terms of the gauge pressures g of the chambers: linear only; with squares; with g/(1 + |g|/knee) instead of g; with
-#: the product of both.
+#: the product of both gauge pressures.
 PRESSURE_FORMS = ("linear", "quadratic", "saturating", "interaction")
 UNITS: dict[str, str] = number_table("friction_units")
 #: Bounds of the Stribeck exponent; values in the literature lie in 0.5 to 2 [armstrong1994].

@@ -577,7 +577,7 @@ def with_map(fit: Sliding, friction_map: xr.Dataset) -> Sliding:
     Raises
     ------
     FitError
-        The map differs from that of the fit, according to the hash in the fit's provenance.
+        The map differs from the fitted map, according to the hash in the fit's provenance.
     """
     return replace(fit, observations=_values(fit, friction_map))
 
@@ -608,7 +608,7 @@ def profiles(fit: FrictionFit, friction_map: xr.Dataset) -> Columns:
     Raises
     ------
     FitError
-        The map differs from that of the fit, or the fit uses a loss function of an earlier version.
+        The map differs from the fitted map, or the fit uses a loss function of an earlier version.
     """
     loss = fit.provenance.get("loss", "huber")
     if loss != "huber":  # older fits

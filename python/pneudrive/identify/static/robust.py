@@ -5,8 +5,8 @@ problem (pseudo-values, used by the profile intervals) follow [huber2009].
 
 Two runs of one seal can differ much more than the strokes within each run. If values were weighted only by the standard
 error of the strokes, the run with the least noise would dominate the fit. As in the random-effects model of a
-meta-analysis, a common variance is therefore added to that of each value. The size of this variance makes the residuals
-consistent with their standard errors [paule1982].
+meta-analysis, a common variance is therefore added to the variance of each value. The size of the common variance makes
+the residuals consistent with their standard errors [paule1982].
 
 At a given Stribeck velocity and exponent, the law is linear in all other parameters. On a grid of these two parameters,
 linear least squares therefore gives the cost, the best forces and their variances without repeated fits. The interval
@@ -286,7 +286,7 @@ CLEARLY = 6.6
 def estimated(model: StaticLaw, data: Observations) -> RobustEstimate:
     """Estimate a law. If the residuals are too large, a scatter that explains them is added to the standard errors.
 
-    The alternative is a common factor on the standard errors. It is chosen only if it is clearly more likely.
+    The alternative is a common factor on the standard errors. The factor is chosen only if it is clearly more likely.
     """
     from scipy.optimize import brentq
     from scipy.special import chdtrc
@@ -333,7 +333,7 @@ def profile_intervals(found: RobustEstimate, quantile: float, least: float | Non
     quantile : float
         Two-sided Student quantile of the requested probability.
     least : float, optional
-        Sum of squares of the best model; by default that of this model.
+        Sum of squares of the best model; by default the sum of this model.
 
     Returns
     -------

@@ -533,7 +533,7 @@ def figure_9(run: Campaign) -> PaperFigure:
     Parameters
     ----------
     run : Campaign
-        Campaign with stops of 15 s, and with strokes without a stop, whose friction is that of uninterrupted sliding.
+        Campaign with stops of 15 s, and with strokes without a stop, which give the friction of uninterrupted sliding.
 
     Returns
     -------

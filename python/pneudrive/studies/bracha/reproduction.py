@@ -112,7 +112,7 @@ def energy_residual(run: xr.Dataset, drive: pn.Drive, *, printed: bool) -> float
     with the internal energy U = p V / (k - 1) and the enthalpy h = k / (k - 1) R T of an ideal gas.
 
     The residual is computed from a finished trajectory, and is therefore also available for a law without a ledger.
-    The wall area is that of the chamber law, so that a difference in wall area does not count as an error.
+    The wall area of the chamber law is used, so that a difference in wall area does not count as an error.
     """
     c, gas = drive.cylinder, drive.gas
     k, r = gas.heat_capacity_ratio, gas.gas_constant_j_kg_k
