@@ -139,12 +139,12 @@ class ControlComparison(Viewed):
     def middle(self, law: str, along: str, measure: str) -> float | None:
         """Return the median of a measure over the seeds.
 
-        None if the measure does not apply to the reference, or if all runs failed. A failed run counts as infinite.
+        A failed run has an infinite value. None if the measure does not apply to the reference, or if all runs failed.
         """
         return self.within(law, along, measure, 0.5)
 
     def within(self, law: str, along: str, measure: str, share: float) -> float | None:
-        """Return the quantile `share` of a measure over the runs. A failed run counts as infinite.
+        """Return the quantile `share` of a measure over the runs. A failed run has an infinite value.
 
         None if the measure does not apply to the reference, or if all runs failed.
         """

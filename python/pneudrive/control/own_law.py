@@ -123,7 +123,7 @@ def own_law(given: object, *, allow_code: str | None = None, found_in: str = "")
     given : object or str
         A class, an instance, ``"mine.py:Law"`` or ``"package.module:Law"``.
     allow_code : str, optional
-        SHA-256 of a code file. Code that another file names, instead of the user, runs only with this hash.
+        SHA-256 of a code file; required if a file names the code, and the user does not.
     found_in : str
         File that names the code; empty if the user of this run has named it.
 

@@ -40,7 +40,7 @@ class Actuation:
     out, back : dict
         Valve -> its command for motion towards the end of chamber b (out) or of chamber a (back).
     has_shares : bool
-        Whether the drive itself has commands between 0 and full opening.
+        Whether the drive itself accepts commands between 0 and full opening.
     held : dict
         Switching valve -> its command -> command of the proportional valve that replaces it. With a switching valve,
         the signal u is 1 or -1.

@@ -103,8 +103,8 @@ class UncertainDrive:
         """Add the lower and upper bound of each result, as variables ``NAME_low`` and ``NAME_high``.
 
         Let d_i be the change of the result if value i is at a bound of its interval. Upward changes give the upper
-        bound of the result, downward changes the lower bound. Values with correlations r together change the result by
-        d:
+        bound of the result, downward changes the lower bound. If the values have the correlations r, their joint change
+        d of the result is:
 
             d^2 = sum r_ij d_i d_j
 

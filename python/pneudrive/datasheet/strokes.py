@@ -95,7 +95,7 @@ def stroke_of(
     drive : Drive
         Simulated drive, for its stroke and its masses.
     begin_s, end_s : float
-        Time of the command that starts the stroke, and of the next one.
+        Time of the command that starts the stroke, and of the next command.
     within_s : float
         `begin_within` of the result.
 
@@ -150,7 +150,7 @@ def stroke_numbers(
     mass_kg : float
         Moving mass with its load.
     begin_s, end_s : float
-        Time of the command that starts the stroke, and of the next one. A start between two samples is interpolated.
+        Time of the command that starts the stroke, and of the next command. A start between samples is interpolated.
     impacts : sequence of mappings
         Contacts with the ends from a simulation; contacts of other strokes are ignored. Without contacts, the first
         contact is the time at which the position reaches the end.

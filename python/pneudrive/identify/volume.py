@@ -206,7 +206,7 @@ def _pressure_ratios(tank: Tank, records: list[VolumeRecording]) -> list[Array]:
 def _free(
     tank: Tank, records: list[VolumeRecording], asked: Sequence[str] | None
 ) -> tuple[list[str], list[Undetermined]]:
-    """Return the names of free values, and statements on values held because no recording can determine them."""
+    """Return the names of free values, and statements on values that are held because no recording determines them."""
     known = [name for name in NUMBERS if getattr(tank, name.partition(".")[0]) is not None]
     if asked is not None:
         if not asked:

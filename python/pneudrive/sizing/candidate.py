@@ -167,7 +167,7 @@ class SizingCandidate:
     samples : ndarray or None
         Margins and air of the samples that were simulated last in this process (`checks.simulated`).
     hardest : tuple of float or None
-        Air (kg) and largest margin, from the samples with the smallest margins.
+        Estimated air (kg), and upper bound of the margin from the samples with the smallest margins.
     lost : Shortage or None
         Reason why the choice cannot do the task; None if this is not known.
     """

@@ -348,7 +348,7 @@ def open_names(choice: DriveChoice, task: SizingTask, drive: SizedDrive | None =
 
 
 def _hanging_load(choice: DriveChoice, task: SizingTask) -> MachineCheck:
-    """Return the check that load and piston are held against weight and external force when the pressure fails."""
+    """Return the check whether load and piston are held against weight and external force when the pressure fails."""
     numbers = choice.cylinder.numbers
     along = STANDARD_GRAVITY_M_S2 * math.sin(task.incline_rad)
     nominal = task.static_force_n + numbers["moving_mass"] * along
@@ -587,13 +587,12 @@ def simulated(strokes: DriveStrokes, setting: Setting, draws: Array, rtol: float
 
 
 def hardest(strokes: DriveStrokes, setting: Setting, known: Array, draws: Array) -> tuple[float, float, int]:
-    """Return air (kg, estimated), largest margin and smallest number of failing samples over all samples.
+    """Return the estimated air (kg), an upper bound of the margin, and a lower bound of the number of failing samples.
 
     Only a few of the samples are simulated.
 
     The first samples give a linear estimate of the margins of all samples. The samples with the smallest estimates are
-    simulated. The largest margin and the number of failing samples are always bounds, because samples that are not
-    simulated can only reduce the margin.
+    simulated. The bounds are always valid, because samples that are not simulated can only reduce the margin.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Both strokes of one choice of parts in the core, from samples to times, speeds and air; tuning of its settings.
+"""Simulation of both strokes of a choice of parts: times, speeds and air of each sample; tuning of the settings.
 
 Times and speeds are defined as in a datasheet (`pneudrive.datasheet.strokes`). The time runs from the command to the
 first contact with the end. The speed at the end is that of the fastest contact. To save time, this module computes
@@ -537,7 +537,7 @@ def is_worth_more(rough: Tuned) -> bool:
 
 
 def tune_all(every: Sequence[tuple[DriveStrokes, Tuned | None]]) -> list[Tuned]:
-    """Find the settings of choices of one task. Their next runs are simulated together.
+    """Find the settings of choices of one task. The next runs of all choices are simulated together.
 
     Parameters
     ----------

@@ -129,7 +129,7 @@ def _air(plant: HeldDrive, half_period: float | None = None) -> Found:
     Settings
     --------
     half_period
-        of the second cycle, in s; default: the half period of the square response
+        half of the period of the second cycle, in s; default: as in the square response
 
     Results
     -------

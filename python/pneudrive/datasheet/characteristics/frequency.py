@@ -75,7 +75,7 @@ def _bode(plant: HeldDrive, position: float | None = None, frequencies: Any = No
     Settings
     --------
     position
-        of the operating point, in m; default: mid stroke
+        position of the operating point, in m; default: mid stroke
     frequencies
         Hz; default: 0.1 to 100, with a finer grid around each resonance
 
@@ -140,7 +140,7 @@ def _describing(plant: HeldDrive, amplitudes: Any = AMPLITUDES, frequencies: Any
     Settings
     --------
     amplitudes
-        of the command
+        amplitudes of the command
     frequencies
         Hz
 
@@ -219,11 +219,11 @@ def _load_describing(
     Settings
     --------
     amplitudes
-        of the load, in N; default: 20, 30 and 40 % of the blocked force at full command
+        amplitudes of the load, in N; default: 20, 30 and 40 % of the blocked force at full command
     frequencies
         Hz
     pressures
-        of both chambers; default: the mean of ambient and supply pressure
+        pressures of both chambers; default: the mean of ambient and supply pressure
 
     Results
     -------
@@ -289,7 +289,7 @@ def _tornado(plant: HeldDrive, numbers: Any = None) -> Found:  # noqa: ANN401 - 
     Settings
     --------
     numbers
-        of the drive file; default: all
+        names of numbers in the drive file; default: all
 
     Results
     -------
@@ -439,7 +439,7 @@ def _lines(plant: HeldDrive, lengths: Any = LENGTHS, diameters: Any = DIAMETERS,
     Settings
     --------
     lengths
-        of each tube
+        lengths of each tube
     diameters
         inner diameters
 

@@ -172,7 +172,7 @@ def _step(plant: HeldDrive, command: float = 1.0, position: float | None = None,
     Settings
     --------
     command
-        of the valve
+        command of the valve
     position
         start position, in m; default: the end from which the piston moves away
     pressures

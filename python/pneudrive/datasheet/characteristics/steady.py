@@ -365,7 +365,7 @@ def _frequency(plant: HeldDrive, pressures: Any = None) -> Found:  # noqa: ANN40
 
 
 def oscillations(linear: Linear) -> list[complex]:
-    """Return the eigenvalues (1/s) of the oscillating modes, one of each pair."""
+    """Return the eigenvalues (1/s) of the oscillating modes, one of each conjugate pair."""
     return [one for one in np.linalg.eigvals(linear.A).tolist() if one.imag > max(1e-6 * abs(one), SLOWEST)]
 
 

@@ -205,8 +205,7 @@ def warn_of_mixture(fit: Any, described: object) -> None:  # noqa: ANN401 - of t
 def applied_note(solved: Solved, kept: Collection[str]) -> list[str]:
     """Return a note with the errors of two free runs: one with the applied values, one with the fitted values.
 
-    Free runs use the starts and sensor errors of the fit. The list is empty if all values were determined, or no
-    values.
+    Free runs use the starts and sensor errors of the fit. The list is empty if all values or no values were determined.
 
     Parameters
     ----------

@@ -212,7 +212,7 @@ class FrictionModel(StaticLaw):
 
     @property
     def chosen(self) -> int:
-        """Number of values chosen from candidates in addition to the free parameters: 1 for a knee."""
+        """Number of values chosen from candidates, such as a knee, in addition to the free parameters."""
         return int(self.knee_pa is not None)
 
     def table(self) -> Plain:

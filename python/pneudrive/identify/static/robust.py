@@ -126,7 +126,7 @@ class RobustEstimate:
         return by_name(self.model.names, sizes)
 
     def pseudo_fit(self, model: StaticLaw, starts: Sequence[Array] = ()) -> RobustEstimate:
-        """Return the plain least squares estimate of a law from the pseudo-values, with their variance."""
+        """Return the plain least squares estimate of a law from the pseudo-values, with the pseudo-values' variance."""
         pseudo = replace(self.data, friction_n=self.pseudo)
         other = estimate(model, pseudo, LINEAR, starts=starts)
         return replace(other, data=self.data, pseudo=self.pseudo, variance=self.variance)

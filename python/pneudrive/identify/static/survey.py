@@ -64,7 +64,7 @@ MIDDLE = 48.0**-0.5
 class Surveyed:
     """Data of one seal: values, law, and the Jacobian of its friction with respect to the parameters.
 
-    ``columns`` are derivatives, shape (n, p), and ``rest`` are residuals, shape (n,), both relative to the law.
+    ``columns`` are derivatives, shape (n, p), and ``rest`` are residuals, shape (n,), relative to the law's friction.
     ``theta`` are internal coordinates, shape (p,). ``fit`` is the fit of this seal alone, for example
     ``survey.seals["PK"].fit.apply(drive)``.
     """

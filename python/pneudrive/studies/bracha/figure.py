@@ -544,7 +544,7 @@ def figure_9(run: Campaign) -> PaperFigure:
     Raises
     ------
     CampaignError
-        If a stop cannot be read.
+        A stop cannot be read.
     """
     found = campaign_friction(run)
     if found.skipped:

@@ -407,7 +407,7 @@ def reproduce(into: str | Path) -> Reproduction:
     Raises
     ------
     CampaignError, RigError, SimulationError
-        If the folder cannot be used, or a campaign fails.
+        The folder cannot be used, or a campaign fails.
     """
     # The campaigns, each in its own process.
     jobs = [(protocol, rig, str(Path(into) / protocol), SEED) for protocol, rig in bracha.EXPERIMENTS.values()]
