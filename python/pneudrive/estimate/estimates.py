@@ -352,7 +352,7 @@ Point = TypeVar("Point")
 STEPS, ROOT_ERROR = 12, 0.02
 #: Distance from the estimate after which a side without sufficient cost increase counts as open.
 FARTHEST = 50.0
-#: Least distance of a step from the ends of the bracket, as a fraction of the bracket, and largest growth factor of a
+#: Smallest distance of a step from the ends of the bracket, as a fraction of the bracket; largest growth factor of a
 #: step.
 INSET, GROWTH = 0.1, 3.0
 

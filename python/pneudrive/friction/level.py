@@ -3,8 +3,8 @@
 Processing: recording -> motion -> tables of strokes -> speed levels. Long recordings are processed part by part.
 
 Only one part is in memory at a time. Parts overlap by one stroke, so that each stroke is counted once, with the dwell
-before it. Speed classes are found from the strokes of all parts. The window is that of the layout, or the middle of the
-strokes of the first part. The samples of the part with the largest force are kept for figures and the uncertainty
+before it. Speed classes are found from the strokes of all parts. The window comes from the layout, or is the middle of
+the strokes of the first part. The samples of the part with the largest force are kept for figures and the uncertainty
 budget.
 """
 
@@ -160,7 +160,7 @@ class Level(Shown):
 
     @cached_property
     def u_systematic_n(self) -> float:
-        """Systematic standard uncertainty of friction. For a single direction, it equals that of the offset."""
+        """Systematic standard uncertainty of friction. For a single direction, it equals `u_offset_n`."""
         return combined_n(entry.friction_n for entry in self.budget) if len(self.sides) == 2 else self.u_offset_n
 
     @property
@@ -631,8 +631,8 @@ def usual_range(largest_pa: float) -> float:
 def chance_n(scatter_n: Array | float, noise_n: Array | float) -> Array:
     """Return the type A standard uncertainty of friction in N: scatter between strokes, but at least their noise.
 
-    The scatter is NaN for single strokes (`pair_stderr`). The noise is that of the bins within the strokes, without
-    their pattern over position.
+    The scatter is NaN for single strokes (`pair_stderr`). The noise comes from the bins within the strokes,
+    after their pattern over position is removed.
     """
     return np.fmax(scatter_n, noise_n)
 

@@ -279,7 +279,7 @@ class StrokeUse:
 
 
 def stroke_notes(uses: Mapping[str, StrokeUse]) -> Iterator[str]:
-    """Yield one sentence for each recording with unused strokes, and one for all recordings beyond `MOST_NAMED`.
+    """Yield a sentence for each of `MOST_NAMED` recordings with unused strokes, and one for all others.
 
     Parameters
     ----------
@@ -390,10 +390,11 @@ class Settled:
     times the travel at which the balance has completed the fraction ``force_share`` of its change at the reversal. In
     presliding, the force approaches its final value like 1 - 2 exp(-x/l). The distance 1.6 l gives 80 % of the change;
     after three times this distance, 2 % are left. A higher fraction would be sensitive to friction that varies over
-    position. At the end, twice the distance in which the axis brakes below the speed fraction is dropped. The reference
-    change of the force is the `Swing` of the stroke's speed class, because slow strokes never reach the friction of
-    fast strokes. It is limited to the swing of all strokes, because the friction of fast strokes may still grow along
-    the stroke. Neither speed nor force needs to be constant. Means are over bins of equal position (``uses_window``).
+    position. At the end of a stroke, the speed falls below ``speed_share``. Twice the distance from there to the end is
+    dropped. The reference change of the force is the `Swing` of the stroke's speed class, because slow strokes never
+    reach the friction of fast strokes. The change is limited to the swing of all strokes, because the friction of fast
+    strokes may still grow along the stroke. Neither speed nor force needs to be constant. Means are over bins of equal
+    position (``uses_window``).
     """
 
     speed_share: float = 0.8

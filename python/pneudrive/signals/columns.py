@@ -211,7 +211,7 @@ def family_of(name: str) -> str:
 
 
 def families(names: Iterable[str]) -> list[str]:
-    """Return names, with one entry for names that differ only by their number.
+    """Return the names. Names that differ only in a number are combined in one entry.
 
     Examples
     --------

@@ -283,7 +283,7 @@ def read_drive_recordings(
     gaps : bool
         Whether measured columns may contain NaN.
     names : mapping, optional
-        Name of a column in a recording of a circuit -> name of this column in a recording of a drive.
+        Column name in a recording of a circuit -> name of the same column in a recording of a drive.
 
     Raises
     ------

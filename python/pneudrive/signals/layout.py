@@ -318,7 +318,7 @@ class FileLayout(Described):
 
     @property
     def places(self) -> list[int | str]:
-        """Columns to read from the file: those of the channels, and of their dates and clocks."""
+        """Columns to read from the file: values of the channels, dates, and clocks."""
         columns = self.channels.values()
         places = [*(c.column for c in columns), self.time.date, *(c.clock for c in columns)]
         return list(dict.fromkeys(place for place in places if place is not None))
@@ -477,7 +477,7 @@ class Layout(Shown):
         return toml.located(error, self.origin, self.text).turned(LayoutError)
 
     def _place(self, key: str, chosen: Sequence[int]) -> str:
-        """Return the location of a key in the file or an override; if the key is missing, that of its table."""
+        """Return the location of a key in the file or in an override. A missing key has the location of its table."""
         trees = [*((f"for.{index}.", self.tree["for"][index]) for index in reversed(chosen)), ("", self.tree)]
         while key:
             for at, tree in trees:

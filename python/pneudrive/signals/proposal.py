@@ -143,7 +143,7 @@ class RoleSearch:
         return [one for one in self.columns if one.index not in used and np.isfinite(one.values).any()]
 
     def ask_chambers(self) -> None:
-        """Ask for the pressures of chambers without a column, if an unused column may be one of them."""
+        """Ask for each missing chamber pressure, if an unused column may contain it."""
         sides = [role for role in ("pressure_a", "pressure_b") if role not in self.guesses]
         used = [guess.source.values for guess in self.guesses.values() if guess.source is not None]
         free = [one for one in self.unused if one.may_be_pressure]

@@ -429,7 +429,7 @@ class Scene:
 
     @cached_property
     def scale(self) -> Array:
-        """Standard deviation of each residual, at least the fraction `FLOOR` of the terms of its balance; shape (3, n).
+        """Standard deviation of each residual, but at least the fraction `FLOOR` of the balance's terms; shape (3, n).
 
         It contains sensor noise and the effect of the finite window for velocities.
         """

@@ -623,8 +623,8 @@ class _Regression:
     def together(self, share: float, wanted: list[Cause], columns: Columns) -> list[_Fit]:
         """Fit the best causes, each with its companions: the causes that change identified (or `COMPENSATING`) values.
 
-        Return only fits with a much smaller residual than that of any single cause, and than that of the companions
-        alone. A wrong identified value is therefore not mistaken for another cause.
+        Return only fits with a much smaller residual than the fit of any single cause, and than the fit of the
+        companions alone. A wrong identified value is therefore not mistaken for another cause.
         """
         values = frozenset(self.scenes[0].drive.provenance) or COMPENSATING
         companions = [c for c in self.causes.values() if c.free and values.issuperset(c.free)]

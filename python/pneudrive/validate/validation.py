@@ -304,8 +304,9 @@ def validate(
     Parameters
     ----------
     drive : Drive or DriveFit
-        Drive to validate. A fit is applied to its drive, and its sensor errors are corrected; verdicts come from
-        the recordings that were held out of the fit. `drive` may also be a fit along motions or the fit of a regulator.
+        Drive to validate. A fit is applied to its drive, and the recordings are corrected for its sensor errors.
+        Verdicts then come from the recordings that were held out of the fit. `drive` may also be a fit along motions or
+        the fit of a regulator.
     recordings
         One or several recordings. Each is a file of ``pneudrive simulate --out``, a foreign file with a layout, a
         result of ``pn.simulate``, or a mapping of SI columns (time_s, command, position_m, pressure_a_pa,

@@ -4,7 +4,7 @@ The module also finds effects of air, direction and stick-slip, the zero of the 
 
 A moving piston pumps air through ports, lines and regulators. The pressure falls in the growing chamber and rises in
 the other chamber. The resulting force opposes the motion like friction and rises with speed. If pressures are measured
-in the chambers, this force is known and subtracted. If they are measured at the regulator, it is unknown.
+in the chambers, this force is known and subtracted. If pressures are measured at the regulator, it is unknown.
 """
 
 from __future__ import annotations

@@ -55,7 +55,7 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 SAME_SPEED = 0.1  # largest difference of the speeds of strokes in one cycle
 WAYS = np.array([1, -1])  # directions, in the order of the columns of both
-#: Columns of both directions, shape (n, 2): those of `Strokes.sides`, then those of `cycle_row`.
+#: Columns of both directions, shape (n, 2): first the columns of `Strokes.sides`, then those of `cycle_row`.
 OF_SIDES: list[str] = TABLES["lists"]["sides"]
 #: Columns over position bins, shape (n, 2, bins): force balance (see `Recording.balance_n`), and the part from the
 #: chamber pressures, p_a A_a - p_b A_b - p_ambient (A_a - A_b). NaN without settled samples.
@@ -527,11 +527,11 @@ def read_campaign(campaign: Campaign, choice: SampleChoice, processes: int | Non
 
 
 def _plans(files: Sequence[CycleFile], rows: dict[str, Read]) -> dict[str, Row]:
-    """Return for the key of each cycle the columns that follow from its header and from the cycles before it.
+    """Return key of a cycle -> columns that follow from the header of the cycle and from the previous cycles.
 
-    The rest before a cycle is the time since the end of the previous cycle or, if that cycle was a stop, the duration
-    of the stop. The travel is the total travel up to the middle of the cycle, from the plan if known, otherwise from
-    the samples.
+    The rest before a cycle is the time since the end of the previous cycle. If the previous cycle was a stop, the rest
+    is the duration of the stop. The travel is the total travel up to the middle of the cycle, from the plan if known,
+    otherwise from the samples.
     """
     heads = [file.head for file in files]
     first, last, began = heads[0].index, heads[-1].index, min(head.began_s for head in heads)

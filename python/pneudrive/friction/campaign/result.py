@@ -121,7 +121,7 @@ class PositionWave:
 
 @dataclass(frozen=True, eq=False)
 class PositionPattern:
-    """Friction against position at one set of levels, relative to its mean over the range.
+    """Friction against position at one set of levels, relative to the mean friction over the range.
 
     Attributes
     ----------
@@ -277,8 +277,8 @@ class SensorZero:
 class Curve(Shown):
     """Friction against speed at one condition, with a pointwise 95 % band.
 
-    Friction and band refer to the mean state of the campaign. `Drift.spread_n` is the scatter of the states of the
-    campaign, and `Repeatability.within` the scatter of cycles in one state.
+    Friction and band refer to the mean state of the campaign. `Drift.spread_n` is the scatter of the
+    states. `Repeatability.within` is the scatter of cycles in one state.
 
     Attributes
     ----------

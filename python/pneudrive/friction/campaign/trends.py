@@ -253,7 +253,7 @@ def _columns(position: Array, waves: Sequence[float]) -> Array:
 
 
 def _length(position: Array) -> float:
-    """Return the length of a range of position from the centres of its bins, which have equal width."""
+    """Return the length of a position range from the centres of its bins, which have equal width."""
     return position.size * float(position[1] - position[0])
 
 
@@ -466,8 +466,8 @@ def _widened(design: _Design, x: Array, columns: list[Array]) -> Array:
     """Return x with further columns and their products with log speed. Return x alone if a column is not independent.
 
     The further columns are the product of both centred pressures, or their squares. They give the mean effect over
-    speeds; their products with log speed give its change with speed. With the product of the pressures, the slope of
-    one pressure applies at the mean of the other.
+    speeds. Their products with log speed give the change of the effect with speed. If x contains the product of both
+    pressures, the slope of one pressure applies at the mean of the other.
     """
     tilt = design.centred(np.log(design.points["speed_m_s"]))
     over_speed = [column * tilt for column in columns] if design.speeds.size > 1 else []

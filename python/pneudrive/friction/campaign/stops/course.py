@@ -122,7 +122,7 @@ def stop_step(cycle: Cycle) -> int | None:
 
 
 def _rest(cycle: Cycle, time_s: Array, position_m: Array, step: Ints) -> Phases:
-    """Find the rest with the planned duration, or the longest one between two moves in one direction."""
+    """Find the rest with the planned duration, or the longest rest between two moves in the same direction."""
     if step.max() == 0:
         raise RecordingError("nothing moves")
     every = [_phases(time_s, position_m, step, number) for number in np.unique(step)[:-1]]

@@ -235,7 +235,7 @@ def fit_contact_age(
     seen = np.isfinite(back)
 
     def lengths(time: float) -> Array:
-        """Return the distance L of each stop from its return to sliding, by bisection on its logarithm."""
+        """Return the distance L that agrees with the return to sliding after each stop, by bisection on log L."""
         fell, rested, v = back[seen], dwell[seen], speed[seen]
         low, high = np.log(fell) - 12.0, np.log(np.minimum(fell, 0.9 * rested * v))
         for _ in range(HALVINGS):

@@ -313,8 +313,8 @@ def fit_curve(stops: pl.DataFrame, conditions: tuple[Condition, ...], drift_prio
         Stops of one series, at least two durations at each condition.
     conditions : tuple of Condition
     drift_prior_n : float
-        Standard deviation of the drift of increments over half the campaign, used if the order of the stops hides the
-        drift.
+        Standard deviation of the drift of increments over half the campaign. It is used if the order of the stops hides
+        the drift.
     """
     condition = np.array([conditions.index(c) for c in conditions_of(stops)], dtype=np.int64)
     data: dict[str, NDArray] = {name: stops[name].to_numpy() for name in stops.columns}

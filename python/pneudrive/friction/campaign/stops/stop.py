@@ -1,7 +1,7 @@
 """Stops in the middle of a move: relaxation while held, breakaway peak, return to uninterrupted sliding.
 
-Every result is a difference within one move, or to an uninterrupted move of the same cycle, so that the zero of the
-sensor and slow drift cancel. Samples are raw. In this module, friction is the force balance times the direction, and
+Every result is a difference within one move, or from an uninterrupted move of the same cycle. The zero of the sensor
+and slow drift therefore cancel. Samples are raw. In this module, friction is the force balance times the direction, and
 still contains the offset.
 
 All stops of a campaign form one table, in memory and as a file.
@@ -200,14 +200,14 @@ def find_stops(
     Returns
     -------
     polars.DataFrame
-        One row for each stop, in the order of execution. Besides those of its `Condition` and its header, the columns
-        are, in SI: `direction` and `speed_m_s` of the restart; duration as planned (`stop_s`) and as measured
-        (`dwell_s`); `running_n`, friction of uninterrupted sliding at the stop, and its `basis`; `breakaway_n`, the
-        peak after the restart; `increment_n`, the peak minus running friction; `loading_rate_n_s` and `loading_s`, rate
-        and time of the rise of the force; `inertia_n`, the largest contribution of the moving mass; relaxation of the
-        held force; recovery: travel and time until the excess over sliding has fallen to 5 %; `usable`, whether the
-        increment is used for the law of breakaway over duration; `flags`. Bounds of 95 % intervals have the suffixes
-        `_low` and `_high`.
+        One row for each stop, in the order of execution. It has the columns of the `Condition` and of the header.
+        Further columns, in SI: `direction` and `speed_m_s` of the restart; duration as planned (`stop_s`) and as
+        measured (`dwell_s`); `running_n`, friction of uninterrupted sliding at the stop, and its `basis`;
+        `breakaway_n`, the peak after the restart; `increment_n`, the peak minus running friction; `loading_rate_n_s`
+        and `loading_s`, rate and time of the rise of the force; `inertia_n`, the largest contribution of the moving
+        mass; relaxation of the held force; recovery: travel and time until the excess over sliding has fallen to 5 %;
+        `usable`, whether the increment is used for the law of breakaway over duration; `flags`. Bounds of 95 %
+        intervals have the suffixes `_low` and `_high`.
     tuple of Skipped
         Unreadable stops with reasons.
     """
@@ -375,7 +375,7 @@ def _columns(t: Array, grid: Array) -> Array:
 
 #: Half-widths of the parabolas, in samples of one half.
 WIDTHS = (2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128)
-#: Peaks at two widths agree if they differ by less than this number of standard errors of the narrower one.
+#: Peaks at two widths agree if they differ by less than this number of standard errors of the narrower peak.
 AGREE = 2.0
 #: For a peak from a single sample: neighbours on each side that it exceeds; its bias by noise (maximum of three equal
 #: samples), in standard deviations; ratio of its uncertainty to the noise.
