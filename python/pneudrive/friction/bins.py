@@ -1,8 +1,8 @@
 """Position bins: pairing of both directions at equal positions, and scatter of stroke means.
 
 Statistical uncertainty comes from the scatter between strokes, never only from the samples of one stroke. Samples of
-one stroke share lubrication, temperature and position pattern, so they are not independent. A standard error from their
-number would be many times too small.
+one stroke share lubrication, temperature and position pattern, so they are not independent. A standard error from the
+number of samples would be many times too small.
 """
 
 from __future__ import annotations

@@ -203,7 +203,7 @@ class Level(Shown):
 
     @cached_property
     def flags(self) -> tuple[str, ...]:
-        """Names of the flags of samples, level and doubtful values."""
+        """Names of all flags: of samples, of the level, and of doubtful values."""
         sides = list(self.sides.values())
         speeds = [abs(side["velocity_m_s"]) for side in sides]
         narrow = self.bins.sum() < 0.9 * self.profile.in_window.sum()

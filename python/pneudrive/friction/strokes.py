@@ -279,7 +279,7 @@ class StrokeUse:
 
 
 def stroke_notes(uses: Mapping[str, StrokeUse]) -> Iterator[str]:
-    """Yield a sentence for each of `MOST_NAMED` recordings with unused strokes, and one for all others.
+    """Yield a sentence for each of up to `MOST_NAMED` recordings with unused strokes, and one for all others.
 
     Parameters
     ----------
@@ -312,7 +312,7 @@ class RecordedMotion:
     Attributes
     ----------
     recording : Recording
-        Cleaned, with its counts of flags.
+        Cleaned recording, with counts of its flags.
     choice : SampleChoice
         Selection of samples.
     strokes : tuple of Stroke

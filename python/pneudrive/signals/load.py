@@ -92,7 +92,7 @@ def read_foreign(path: Path) -> ForeignFile:
 
 
 def _numeric(arrays: Mapping[str, NDArray[Any]], dates: Mapping[str, str], path: Path) -> Columns:
-    """Return the columns of numbers, dates and times as numbers. Leave out texts and other arrays."""
+    """Return columns of numbers, and columns of dates and times as numbers. Leave out texts and other arrays."""
     found = {}
     for name, values in arrays.items():
         with suppress(RecordingError):
@@ -371,7 +371,7 @@ class RecordingFile:
         return self.said is not None and self.said.columns.cycle is not None
 
     def read(self, raw: Columns | None = None, name: str = "") -> Recording:
-        """Read the only recording of the file, or make one from some rows of its raw columns.
+        """Read the file as one recording, or make a recording from some rows of its raw columns.
 
         Parameters
         ----------

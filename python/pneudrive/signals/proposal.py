@@ -188,11 +188,11 @@ class RoleSearch:
         return [*last.values()]
 
     def _late(self, column: FileColumn) -> float:
-        """Return the start of a channel without times, in s after the start of the first channel."""
+        """For a channel without times, return its start in s after the start of the first channel."""
         return 0.0 if self.of_time else self.form.starts_s.get(column.index, 0.0)
 
     def _find_time(self) -> None:
-        """Find the time column or the sample rate. Other dates and row counters then count as used columns, too."""
+        """Find the time column or the sample rate. Other dates and row counters are then also treated as used."""
         dates_of = self.form.dates
         found: list[Candidate] = []
         dates, numbered = list[FileColumn](), list[FileColumn]()

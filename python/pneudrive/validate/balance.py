@@ -347,7 +347,7 @@ class Scene:
     position : ndarray, shape (n,)
     pressures : tuple of ndarray, shape (n,)
     opened : ndarray, shape (n, 4)
-        Conductance of each edge of the valve, as a fraction of its full conductance.
+        Opening of each valve edge, as a fraction of its full conductance.
     explained : ndarray, shape (3, n), or 0.0
         Part of the residuals explained by causes that a description cannot contain.
     """
@@ -461,7 +461,7 @@ class Scene:
 
 
 def openings(drive: Drive, command: Array) -> Array:
-    """Return the open fraction of the conductance of each edge of the valve for a command, shape (n, 4).
+    """Return the opening of each valve edge for a command, as a fraction of its conductance, shape (n, 4).
 
     An edge opens by clip((u - overlap) / (1 - overlap), 0, 1) + leakage exp(-|u| / leakage_width).
     """

@@ -38,7 +38,7 @@ from pneudrive.views import Reported, ShownFigure, ShownValue, View
 # --- Validation of a friction law against measured sliding friction: a friction map or the curves of a campaign.
 
 OF_MAPS = ("friction_n", "velocity_m_s", "balance_n")
-#: Flag of a row of a map with only one direction.
+#: Flag of a map row whose speed level has only one direction.
 UNPAIRED = "unpaired"
 #: Target of the fit, % (assumed, as for free runs).
 STATIC_FIT_PERCENT = 98.0

@@ -384,7 +384,7 @@ def read_each(files: Sequence[CycleFile], read: Callable[..., T], *rest: object)
 
 
 def standing_row(file: CycleFile, recording: Recording, samples: Samples, ambient_pa: float) -> Row:
-    """Return the mean force at rest, and its uncertainty, of a zero run or a run with a known weight.
+    """Return mean force and uncertainty of a cycle at rest: a zero run, or a run with a known weight.
 
     For open chambers with a transducer, the row has the mean reading, its standard error, and the change between the
     halves of the run.

@@ -35,7 +35,7 @@ from pneudrive.repr_tables import Shown
 
 
 def inertia_of(stops: pl.DataFrame) -> float:
-    """Return the median of the largest contributions of the moving mass to the peaks, in N."""
+    """Return the largest contribution of the moving mass to a peak, in N, as the median over the stops."""
     return float(np.median(stops["inertia_n"]))
 
 
