@@ -88,13 +88,13 @@ def test_a_reference_that_is_lost_is_still_the_one_that_counts(axis):
 
 
 def test_tune_says_which_controller_suits_a_light_sticky_piston():
-    """Half of its mass loses sliding-mode, and pid oscillates; nmpc comes first."""
+    """With half of its mass, sliding-mode loses the reference and pid oscillates; nmpc comes first."""
     rows = pn.control.suitability(pn.Circuit.load(AXIS.parent / "axes/starter.toml")).rows
     found = {row.key: row.value for row in rows}
     assert rows[0].key == "nmpc.suits"
     suits = [found[f"{law}.suits"] for law in ("nmpc", "sliding-mode", "pid")]
     assert suits == ["suits", "does not suit", "does not suit"]
-    assert "lost" in str(found["sliding-mode.because"])
+    assert "loses the reference" in str(found["sliding-mode.because"])
 
 
 # --- Several and switching valves under a law, and the choice of an observer: from files to runs, and what is refused.
