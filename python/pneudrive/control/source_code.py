@@ -40,8 +40,8 @@ def export(
 ) -> list[Path]:
     """Write a controller for other tools, from the equations of `pneudrive.control.run`.
 
-    The code receives samples and the reference, and returns the command. It checks sensors and reference, stops by
-    ramps, and adapts if the controller does. It does not brake before an end stop. An FMU has the same C code in
+    The code receives samples and the reference, and returns the command. The code checks sensors and reference, stops
+    by ramps, and adapts if the controller does so. It does not brake before an end stop. An FMU has the same C code in
     ``sources/``, and a library if this machine has a C compiler. ``nmpc`` cannot be written as source code: its FMU is
     a library with the whole controller and its reference.
 

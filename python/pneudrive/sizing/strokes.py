@@ -73,7 +73,7 @@ class Setting(NamedTuple):
     needle_out, needle_back : float
         Needles of the flow controls at chambers b and a, which throttle the outward stroke and the return stroke.
     cushion_out, cushion_back : float
-        Needles of the cushions at the ends of these strokes.
+        Needles of the cushions at the ends of the outward stroke and of the return stroke.
     """
 
     needle_out: float = 1.0
@@ -627,7 +627,7 @@ def _grid(strokes: DriveStrokes, outward: bool) -> tuple[Sequence[float], Sequen
 def _near(
     strokes: DriveStrokes, outward: bool, setting: Setting, finer: tuple[tuple[float, ...], ...]
 ) -> Iterable[tuple[float, ...]]:
-    """Return openings near those of a setting."""
+    """Return openings near the openings of a setting."""
     grid = _grid(strokes, outward)
     factors = [each if len(one) > 1 else (1.0,) for each, one in zip(finer, grid, strict=True)]
     own = setting[:2] if outward else setting[2:]

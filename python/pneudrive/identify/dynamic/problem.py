@@ -173,8 +173,8 @@ class FittedRecording:
     ) -> list[tuple[int, Array, Array]]:
         """Return derivatives with respect to each free number that acts on the command, from central differences.
 
-        Such numbers are hysteresis and delay of the valve, and the delay of the recorded command. A tuple contains the
-        index of the number among the derivatives, and the derivatives of outputs and ends.
+        Such numbers are hysteresis and delay of the valve, and the delay of the recorded command. Each tuple belongs to
+        one number: its index among the derivatives, and the derivatives of outputs and ends.
         """
         at, steps, out = np.r_[values, self.delay_s if delay_s is None else delay_s], {}, []
         for k, path in enumerate(self.family.paths):

@@ -89,8 +89,8 @@ def fit_friction(
     -----
     Rows are weighted by their statistical standard error. A common scale of these errors is estimated from the
     residuals, so that intervals stay valid if all stated errors are too small by one factor. Intervals use Student's t.
-    The intervals of Stribeck velocity and breakaway force use the profile likelihood, because they are far from
-    symmetric. Intervals of forces cover all Stribeck shapes that fit equally well. All rows share the systematic
+    The intervals of Stribeck velocity and breakaway force are far from symmetric, and therefore use the profile
+    likelihood. Intervals of forces cover all Stribeck shapes that fit equally well. All rows share the systematic
     uncertainty, which is given separately for each parameter (`FrictionFit.systematic`). Methods: [huber2009],
     [bates1988], [smyth2004], [paule1982].
     """
