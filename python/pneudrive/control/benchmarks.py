@@ -34,8 +34,8 @@ from pneudrive.files.writing import make_subfolder, open_to_append
 from pneudrive.lazy_names import upper
 from pneudrive.own_code import split
 from pneudrive.progress import Flag, Progress, Watch
-from pneudrive.simulation.session import DriveOrCircuit
 from pneudrive.simulation.simulate import whole_number
+from pneudrive.simulation.start import DriveOrCircuit
 from pneudrive.simulation.trajectory import read_columns, save_columns, write_frame, write_whole
 from pneudrive.views import ShownValue, View, Viewed
 

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from pneudrive.control.motion import Reference, ReferenceOrFile
     from pneudrive.control.own_law import RunningLaw
     from pneudrive.describe import Circuit
-    from pneudrive.simulation.session import DriveOrCircuit, StartState
+    from pneudrive.simulation.start import DriveOrCircuit, StartState
 
 
 #: Fraction of each limit up to which a reference counts as feasible (assumed).

@@ -26,8 +26,8 @@ from pneudrive.describe.marks import Bounds, Choice, Quantity, Reads
 from pneudrive.errors import CommandError, DescriptionError, invalid, nearest, warn, within, wrong
 from pneudrive.own_code import split
 from pneudrive.repr_tables import Shown
-from pneudrive.simulation.session import DriveOrCircuit
 from pneudrive.simulation.simulate import require
+from pneudrive.simulation.start import DriveOrCircuit
 from pneudrive.simulation.trajectory import write_whole
 from pneudrive.views import VALUE, ShownValue, View, Viewed
 

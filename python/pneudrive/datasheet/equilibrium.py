@@ -20,7 +20,8 @@ if TYPE_CHECKING:
     from control import StateSpace
 
     from pneudrive.arrays import Array, Pair
-    from pneudrive.simulation.session import DriveOrCircuit, Linear, Session
+    from pneudrive.simulation.session import Linear, Session
+    from pneudrive.simulation.start import DriveOrCircuit
 
 
 # --- Steady states of a drive: constant gas states, with the piston pinned or at a constant velocity.

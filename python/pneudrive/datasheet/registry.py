@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from pneudrive.arrays import Array, Plain
-    from pneudrive.simulation.session import DriveOrCircuit
+    from pneudrive.simulation.start import DriveOrCircuit
 
 
 # --- Intervals of identified values of a drive, propagated to results that are computed from it.

@@ -28,8 +28,8 @@ from pneudrive.files.writing import make_result_folder
 from pneudrive.free.parameters import INITIAL
 from pneudrive.lazy_names import upper
 from pneudrive.progress import Flag, Progress, Watch
-from pneudrive.simulation.session import check_tolerance, start
 from pneudrive.simulation.simulate import SOLVER, require, whole_number
+from pneudrive.simulation.start import check_tolerance, start
 from pneudrive.simulation.trajectory import meaning, save, write_frame, write_whole
 from pneudrive.views import View
 

@@ -25,8 +25,8 @@ from pneudrive.files.content import check_file, rendered
 from pneudrive.files.writing import make_result_folder
 from pneudrive.fmu.variables import FmuPlan, FmuVariable, plan_of
 from pneudrive.repr_tables import Shown
-from pneudrive.simulation.session import DriveOrCircuit, StartState
 from pneudrive.simulation.simulate import require
+from pneudrive.simulation.start import DriveOrCircuit, StartState
 from pneudrive.simulation.trajectory import check_target, whole
 
 # --- Units in the form of FMI: exponents of base units, and the display unit.

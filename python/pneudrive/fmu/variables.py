@@ -17,7 +17,7 @@ from pneudrive.describe.kinds import STATED
 from pneudrive.describe.system import System, short_name
 from pneudrive.errors import DescriptionError
 from pneudrive.free.parameters import component_numbers, side_of
-from pneudrive.simulation.session import DriveOrCircuit, StartState
+from pneudrive.simulation.start import DriveOrCircuit, StartState
 from pneudrive.simulation.trajectory import meaning
 
 #: Parameters of a valve that are fixed in an FMU, because they change the number of states or delay the command.

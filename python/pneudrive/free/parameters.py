@@ -28,7 +28,7 @@ from pneudrive.describe.tables.starts import start_mark
 from pneudrive.errors import CommandError, FitError, SimulationError, nearest, package_table
 from pneudrive.progress import UNWATCHED, Watch
 from pneudrive.simulation import command as commands
-from pneudrive.simulation.session import DriveOrCircuit, StartState
+from pneudrive.simulation.start import DriveOrCircuit, StartState
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence

@@ -16,8 +16,8 @@ from pneudrive.ensemble.outputs import Output, Reduction, SignalNames, reduction
 from pneudrive.errors import CommandError, SimulationError
 from pneudrive.free.parameters import Differentiator
 from pneudrive.simulation.command import Commands
-from pneudrive.simulation.session import DriveOrCircuit, StartState, start
 from pneudrive.simulation.simulate import positive
+from pneudrive.simulation.start import DriveOrCircuit, StartState, start
 
 WORDS = ("final", "max", "min", "mean", "integral", "time_when", "samples")
 #: Number of parts into which a sampling interval is divided if it contains a result between its samples.

@@ -17,8 +17,9 @@ from pneudrive.control.setup import Setup, SetupOrFile, read_setup
 from pneudrive.describe.system import DRIVE_NAMES, PISTON, System
 from pneudrive.errors import CommandError, SimulationError, nearest, warn
 from pneudrive.simulation.command import Commands, inputs
-from pneudrive.simulation.session import DriveOrCircuit, Session
+from pneudrive.simulation.session import Session
 from pneudrive.simulation.simulate import number_of, positive
+from pneudrive.simulation.start import DriveOrCircuit
 from pneudrive.views import ShownValue, View, Viewed
 
 #: Relative tolerance of the chambers.

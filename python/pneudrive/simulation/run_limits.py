@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
     from pneudrive.arrays import Array, Keyed
     from pneudrive.describe import Circuit
-    from pneudrive.simulation.session import DriveOrCircuit
+    from pneudrive.simulation.start import DriveOrCircuit
 
 #: Largest absolute pressure of the model, Pa (assumed). Flow functions and cylinders are specified for less.
 HIGHEST_PA = 20e5

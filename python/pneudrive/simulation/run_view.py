@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 from pneudrive.arrays import Keyed
 from pneudrive.constants import ANR_DENSITY_KG_M3
 from pneudrive.errors import is_severe
-from pneudrive.simulation.session import DriveOrCircuit
+from pneudrive.simulation.start import DriveOrCircuit
 from pneudrive.simulation.trajectory import TABLE, meaning
 from pneudrive.views import Finding, ShownValue, State, View
 

@@ -1,4 +1,4 @@
-"""Sessions of drives and circuits: start, set inputs, advance in time, read outputs, save, restore, linearise."""
+"""Sessions of drives and circuits: set inputs, advance in time, read outputs, save, restore, linearise."""
 
 from __future__ import annotations
 
@@ -7,9 +7,8 @@ import math
 from _ctypes import CFuncPtr
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple, NoReturn, TypeAlias
+from typing import TYPE_CHECKING, NamedTuple, NoReturn
 
-from pneudrive.describe.tables.starts import StartState as StartState
 from pneudrive.errors import CommandError, ErrorKind, PneudriveError, SimulationError, nearest
 from pneudrive.progress import Flag, Progress, Watch
 from pneudrive.repr_tables import Shown
@@ -22,11 +21,7 @@ if TYPE_CHECKING:
 
     from pneudrive._core import Session as CoreSession
     from pneudrive.arrays import Array, Pair
-    from pneudrive.describe import Circuit, Drive
 
-#: Object that a simulation accepts.
-DriveOrCircuit: TypeAlias = "Drive | Circuit"
-RTOL_BOUNDS = (1e-13, 1e-1)
 LEAST_PART = 1e-6  # fraction of a period that is not only rounding
 #: Types of a compiled controller: result, then time and outputs.
 _COMPILED = (ctypes.c_double, (ctypes.c_double, ctypes.POINTER(ctypes.c_double)))
@@ -423,19 +418,3 @@ def core_error(error: Exception, kind: ErrorKind) -> PneudriveError:
     if not rule:
         return kind(what)
     return CommandError(what, rule=rule, remedy=f"{_REMEDY[2:]}{remedy}." if remedy else None)
-
-
-# --- Start of a session.
-
-
-def start(described: DriveOrCircuit, initial: StartState = None, rtol: float = 1e-6) -> Session:
-    """Start a session of a drive or a circuit; see `Drive.start` and `Circuit.start`."""
-    check_tolerance(rtol)
-    return Session(described.system.compiled().start(described.core_initial(initial), rtol))
-
-
-def check_tolerance(rtol: float) -> None:
-    """Reject a relative tolerance that no simulation can achieve."""
-    low, high = RTOL_BOUNDS
-    if isinstance(rtol, (bool, str)) or not low <= rtol <= high:
-        raise CommandError(f"rtol = {rtol} is out of bounds", rule=f"{low:g} <= rtol <= {high:g}")

@@ -17,7 +17,8 @@ from pneudrive.references import bibtex
 from pneudrive.repr_tables import Shown
 from pneudrive.simulation import command as commands
 from pneudrive.simulation import run_limits
-from pneudrive.simulation.session import DriveOrCircuit, StartState, check_tolerance, core_error
+from pneudrive.simulation.session import core_error
+from pneudrive.simulation.start import DriveOrCircuit, StartState, check_tolerance
 from pneudrive.simulation.trajectory import MOST_SAMPLES, meaning
 
 if TYPE_CHECKING:

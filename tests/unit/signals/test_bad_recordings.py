@@ -48,7 +48,7 @@ def test_the_table_itself_is_fine(tmp_path):
         (b"1 2\n3 4\n" * 50, r"(?s)there is no column 2.*columns count from 0"),
         (b"a b c\nd e f\n" * 50, r"line 1\n    a b c"),
         (b"0,1;2;3\n" * 50, "there is no column 1"),
-        (b"0,5 1 2\n0,6 3 4\n" * 50, '(?s)not contain numbers.*another decimal sign than the layout states: decimal = ","'),
+        (b"0,5 1 2\n0,6 3 4\n" * 50, '(?s)not contain numbers.*decimal sign than the layout states: decimal = ","'),
         (b"0 1 2\n" * 5, "too few samples"),
         (b"0 1 2\n" * 50, "too few samples|no motion"),
     ],

@@ -21,8 +21,8 @@ from pneudrive.ensemble.variation import CoreMembers, run_members
 from pneudrive.errors import warn
 from pneudrive.progress import Flag, Watch
 from pneudrive.simulation.command import Commands
-from pneudrive.simulation.session import DriveOrCircuit, StartState
 from pneudrive.simulation.simulate import run
+from pneudrive.simulation.start import DriveOrCircuit, StartState
 from pneudrive.views import ShownValue, View, Viewed
 
 FULL_S = 20.0  # half a cycle: chambers fill and empty, and take the temperature of the wall

@@ -32,7 +32,7 @@ from pneudrive.errors import CommandError, PneudriveError, Problems, package_tab
 from pneudrive.files.content import read_bytes
 from pneudrive.fmu.package import read_fmu
 from pneudrive.fmu.variables import FmuVariable
-from pneudrive.simulation.session import start
+from pneudrive.simulation.start import start
 from pneudrive.units import in_unit, like
 from pneudrive.views import ShownTable, View
 from pneudrive.web.drive.run_request import Described, described_at
