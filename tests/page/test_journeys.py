@@ -281,7 +281,7 @@ def test_friction_of_a_recording(server: Server, open_tab: Open) -> None:
     applied = pn.Drive.load(folder / "fit-2-identified.toml").friction.parameters["coulomb"]
     assert applied == pytest.approx(again, rel=1e-3)
     page.click("button:has-text('Residuals, profiles and next points of results/o-rings/fit-2.toml')")
-    page.wait_for_selector("figure[data-figure='Residuals over speed'] .panel-drawing")
+    page.wait_for_selector("figure[data-figure='Friction and residuals over speed'] .panel-drawing")
     page.wait_for_selector("text=coulomb_b over coulomb")
     page.click("text=Propose on the simulated rig")
     page.wait_for_selector("[aria-label^='expected half-width']")

@@ -43,7 +43,7 @@ def test_residuals_profiles_and_ellipses_are_those_of_the_fit(fitted: Served, mo
     whole = pn.fit_friction(curves, pressure_dependence=True)  # which has its data
     data = whole.compared()["friction"]
     panels = panels_of(found)
-    mark, _ = panels["Residuals over speed"][1]["marks"]
+    mark, _ = panels["Friction and residuals over speed"][1]["marks"]
     assert np.array_equal(np.array([mark["x"], mark["y"]]), np.array([data.at, data.measured - data.model]))
     assert np.std(mark["y"]) == pytest.approx(0.2, rel=0.3)  # the noise, and no law
     for panel in panels["Profiles"]:

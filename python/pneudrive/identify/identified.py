@@ -58,7 +58,7 @@ def remedy_for(name: str) -> str:
 
 # --- Measured and modelled values, and their figure.
 
-#: Number of points above which values are drawn as a line, and largest number of rows of a figure.
+#: Number of samples above which values over time are drawn as a line, and largest number of rows of a figure.
 MANY, MOST_ROWS = 200, 12
 #: Column on the horizontal axis -> its axis.
 AXES: dict[str, Axis | str] = {"speed_m_s": SPEED, "time_s": "time / s"}
@@ -86,7 +86,7 @@ def comparison_figure(every: Mapping[str, FittedData]) -> Figure:
         column, si_unit, _ = meaning(data.y)
         unit, x = readable(si_unit)[1], AXES.get(data.x, data.x)
         at, measured, model = (values[thin(data.at)] for values in (data.at, data.measured, data.model))
-        if data.at.size > MANY:
+        if data.at.size > MANY and data.x == "time_s":
             marks: list[Mark] = [Line(at, measured, "measured"), Line(at, model, "model", MODEL)]
             gap: Mark = Line(at, measured - model, look=RESIDUAL, width=0.6)
         else:

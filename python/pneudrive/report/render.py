@@ -267,13 +267,22 @@ def render(figure: figures.Figure) -> Figure:
 
 
 def film(pictures: Iterable[figures.Figure]) -> Iterator[Image.Image]:
-    """Yield an image of each figure, as the frames of a film. Call this in `applied`."""
+    """Yield an image of each figure. All have the same size and contain one drawing. Call this in `applied`."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from PIL import Image
 
-    for made in map(render, pictures):
-        made.set_dpi(FILM_DPI)
-        canvas = FigureCanvasAgg(made)
+    canvas = None
+    for picture in pictures:
+        if canvas is None:
+            made = render(picture)
+            made.set_dpi(FILM_DPI)
+            canvas = FigureCanvasAgg(made)
+        else:
+            (axis,), panel = canvas.figure.axes, picture.panels[0]
+            assert panel is not None
+            for artist in (*axis.lines, *axis.patches, *axis.texts):
+                artist.remove()
+            DRAWN[Drawing](panel.marks[0], axis, *picture.axes_of(panel))
         canvas.draw()
         yield Image.fromarray(np.asarray(canvas.buffer_rgba())[..., :3].copy())
 

@@ -244,7 +244,8 @@ def behind_fit(workspace: Workspace, path: str) -> Plain:
                 line = Line(at[known], np.array(percent)[known])
                 panels.append(Panel([line], f"Profile of {name}", axis, "probability of the interval, %"))
             figures.insert(0, ShownFigure("Profiles", PROFILES, Figure(panels, columns=3)))
-        figures.insert(0, ShownFigure("Residuals over speed", "", comparison_figure(with_map(fit, table).compared())))
+        compared = comparison_figure(with_map(fit, table).compared())
+        figures.insert(0, ShownFigure("Friction and residuals over speed", "", compared))
         lines["command"] = shell("report", path, map=edge.path, out=f"{path.removesuffix('.toml')}-report")
         lines["python"] = python("fit", map=edge.path, fit=path, profiles=copied)
     return {"designs": isinstance(fit, FrictionFit), "view": View(why, figures=figures).data(), **lines}
