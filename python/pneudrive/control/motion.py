@@ -657,7 +657,7 @@ def check_reach(of: Reference, stroke_m: float, speeds_m_s: Pair) -> None:
     """
     beyond, reach = beyond_stroke(of, stroke_m), of.reach(speeds_m_s)
     if beyond is not None:
-        raise CommandError(f"reference: {beyond[0]}", value=of.text, rule=beyond[1])
+        raise CommandError(beyond[0], value=of.text, rule=beyond[1])
     if reach.share > 1.0:
         if reach.share > NEVER:
             raise CommandError.of("control.no_motion", at_s=reach.at_s, value=of.text)

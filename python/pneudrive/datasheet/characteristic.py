@@ -142,7 +142,8 @@ def characteristic(name: str, **more: Any) -> Callable[[Find], Characteristic]: 
         text = min(text, rest, key=len)
         title, _, meaning = text.partition("\n\n")
         parameters = signature(find).parameters
-        settings = {key: (parameters[key].default, told) for key, (_, told) in described.items()}
+        named = [key for key, one in list(parameters.items())[1:] if one.kind is not one.KEYWORD_ONLY]
+        settings = {key: (parameters[key].default, described[key][1]) for key in named}
         about: Plain = {"title": title.rstrip("."), "definition": " ".join(meaning.split())} | more
         return Characteristic(name, find=find, settings=settings, results=results, **about)
 

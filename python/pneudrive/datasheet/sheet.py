@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 # --- Units and names of results in readable form.
 
 NARROWEST = 1e-6  # relative width of an interval that is not shown: rounding
-#: SI unit -> size below which a number is displayed as 0. A relative leakage of 1e-9 is an error of the solver.
+#: SI unit -> size below which a number is displayed as 0; 1e-9 for others. 1/s: solver error of a relative leakage.
 ROUNDING = {"1/s": 1e-6}
 #: SI unit -> factor and displayed unit.
 SHOWN_UNITS = {

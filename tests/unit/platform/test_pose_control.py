@@ -16,6 +16,7 @@ from pneudrive.cli.main import run as command
 from pneudrive.control import loop, motion
 from pneudrive.control.pose.legs import check_path, demands, leg_circuit, leg_reference, leg_tunings
 from pneudrive.control.setup import read_setup
+from pneudrive.describe.system import System
 from pneudrive.errors import CommandError, DescriptionError
 
 TRIPOD = Path(__file__).parents[3] / "examples" / "controlled_tripod.toml"
@@ -75,7 +76,7 @@ def test_a_constant_preview_leaves_the_bits_of_an_axis():
         for efforts in (None, {"period_s": 0.01, "rows": [[2.0, 0.0, 0.0]] * 60}):
             forms = prepared.tuning.core(), along.core() | {"efforts": efforts}, prepared.setup.core(1, 101325.0)
             axes = [tuple(json.dumps(form) for form in forms)]
-            circuit = loop.compiled(prepared.core_json)
+            circuit = System(prepared.core_json).compiled()
             (own,), _, _ = _core.control_run(circuit, prepared.start, axes, [], 0.4, 1e-5)
             columns.append(own)
         for name in ("position_m", "command", "disturbance_n"):
@@ -85,10 +86,10 @@ def test_a_constant_preview_leaves_the_bits_of_an_axis():
 @pytest.mark.parametrize(
     ("path", "words"),
     [
-        ({"heave": "sine 110 mm 0.5 Hz around 450 mm"}, r"leg_1 a position of .* mm at t = .* s.*mm outside"),
-        ({"heave": "sine 30 mm 14 Hz around 450 mm"}, r"leg_\d a (velocity|force) of .* at t = .* s.*outside"),
+        ({"heave": "sine 110 mm 0.5 Hz around 450 mm"}, r"a position of .* mm at t = .* s from leg_1.*mm outside"),
+        ({"heave": "sine 30 mm 14 Hz around 450 mm"}, r"a (velocity|force) of .* at t = .* s from leg_\d.*outside"),
         ("R1", r'"R1" is not a reference of a platform.*a TOML file'),
-        ({"heave": "440 mm; 0.1 s: 460 mm in 24 ms"}, r"leg_\d a force of .* N at t = .* s.* N outside"),
+        ({"heave": "440 mm; 0.1 s: 460 mm in 24 ms"}, r"a force of .* N at t = .* s from leg_\d.* N outside"),
     ],
 )
 def test_a_path_that_a_leg_cannot_follow_is_rejected(tripod, path, words):

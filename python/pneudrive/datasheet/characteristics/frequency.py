@@ -385,9 +385,9 @@ def lines(
     >>> round(float(study.vent_speed[0, 0]), 3)
     2.297
     """
-    without = _row(drive, {})
+    _check_drive(drive)
     study = _lines.of(HeldDrive(drive), lengths=lengths, diameters=diameters, watch=Watch(progress, cancel))
-    study.attrs |= {"title": drive.name, "without_tubes": without}
+    study.attrs = {"title": drive.name, "without_tubes": _row(drive, {})}
     if drive.tubing:
         study.attrs["as_described"] = _row(drive, drive.to_dict()["tubing"])
     return study
@@ -401,11 +401,14 @@ def _metres(given: Sequence[str | float], what: str) -> list[float]:
     return sorted({positive(one, "m", what) for one in lengths})
 
 
-def _row(drive: Any, tubing: Plain) -> NamedNumbers:  # noqa: ANN401 - checked
-    """Return the results of a drive with these tubes, by name."""
+def _check_drive(drive: object) -> None:
     if not hasattr(drive, "tubing"):
         remedy = "Describe it as a drive file: [supply], [valve], [cylinder], [friction]."
         raise DescriptionError(f"the table of tubes needs a drive, but got a {type(drive).__name__}", remedy=remedy)
+
+
+def _row(drive: Any, tubing: Plain) -> NamedNumbers:  # noqa: ANN401 - checked
+    """Return the results of a drive with these tubes, by name."""
     tables = {key: table for key, table in drive.to_dict().items() if key != "provenance"}
     drive = type(drive).model_validate(tables | {"tubing": tubing, "friction": drive.friction})
     held = {"valve": {1.0: 1.0, -1.0: -1.0}} if drive.valve.is_switching else {}
@@ -462,6 +465,7 @@ def _lines(plant: HeldDrive, lengths: Any = LENGTHS, diameters: Any = DIAMETERS,
     end_speed : m/s over diameter, length
         speed at the end of chamber b
     """
+    _check_drive(plant.described)
     wide, long, rows = _metres(diameters, "diameter"), _metres(lengths, "length"), []
     for diameter, length in watch.each(product(wide, long), "tubes"):
         tube = {"length": units.UnitFloat(length, "m", "m"), "diameter": units.UnitFloat(diameter, "m", "mm")}

@@ -221,7 +221,7 @@ def _scatter(table: pl.DataFrame, blocks: Array) -> Iterator[RandomEffect]:
 
 
 def holm(p: Array) -> Array:
-    """Correct p-values for the number of tests by Holm's method [holm1979].
+    """Correct p-values for the number of tests by Holm's method [holm1979]. NaN, without a test, stays NaN.
 
     Examples
     --------
@@ -229,7 +229,7 @@ def holm(p: Array) -> Array:
     [0.03, 0.06, 0.06]
     """
     order = np.argsort(p)
-    steps = np.maximum.accumulate(p[order] * (p.size - np.arange(p.size)))
+    steps = np.maximum.accumulate(p[order] * (np.isfinite(p).sum() - np.arange(p.size)))
     return np.minimum(steps, 1.0)[np.argsort(order)]
 
 
