@@ -252,7 +252,7 @@ def identify(
     if follow is not None:
         one_of("--follow", follow, {"motion": None})
         result: Any = pn.identify_motion(drive, recordings, names or ["volumes", "heat"], layout=layout, progress=tell)
-    elif "regulator" in (tables := toml.read(drive)[0] if Path(drive).is_file() else {}):
+    elif isinstance((tables := toml.read(drive)[0] if content.exists(drive) else {}).get("regulator"), dict):
         result = pn.identify_regulator(drive, recordings, layout)
     elif "volume" in tables:
         if sensor:
