@@ -152,8 +152,8 @@ def stroke_numbers(
     begin_s, end_s : float
         Time of the command that starts the stroke, and of the next command. A start between samples is interpolated.
     impacts : sequence of mappings
-        Contacts with the ends from a simulation; contacts of other strokes are ignored. Without contacts, the first
-        contact is the time at which the position reaches the end.
+        Contacts with the ends from a simulation; contacts of other strokes are ignored. Without `impacts`, the
+        piston touches the end when the position reaches the end.
     direction : int
         Direction of the command: 1 towards the end of chamber b, -1 towards the end of chamber a. 0: direction of the
         piston.

@@ -596,7 +596,7 @@ class EnsembleDesign(Shown):
         """
         assert self.fit is not None
         if variation.drive.system.names is None:
-            raise CommandError("a fit of a drive cannot vary a circuit", remedy="Give distributions.")
+            raise CommandError("a circuit cannot take its values from a fit of a drive", remedy="Give distributions.")
         start = variation.drive.replace(
             {
                 number.name: number.written(self.fit.values[name])

@@ -389,12 +389,12 @@ class Settled:
     travel at which ``speed_share`` of the speed in mid stroke is reached. Force has settled after ``force_travels``
     times the travel at which the balance has completed the fraction ``force_share`` of its change at the reversal. In
     presliding, the force approaches its final value like 1 - 2 exp(-x/l). The distance 1.6 l gives 80 % of the change;
-    after three times this distance, 2 % are left. A higher fraction would be sensitive to friction that varies over
-    position. At the end of a stroke, the speed falls below ``speed_share``. Twice the distance from there to the end is
-    dropped. The reference change of the force is the `Swing` of the stroke's speed class, because slow strokes never
-    reach the friction of fast strokes. The change is limited to the swing of all strokes, because the friction of fast
-    strokes may still grow along the stroke. Neither speed nor force needs to be constant. Means are over bins of equal
-    position (``uses_window``).
+    after three times this distance, 2 % are left. A higher ``force_share`` would be sensitive to friction that varies
+    over position. At the end of a stroke, the speed falls below ``speed_share``. Twice the distance from there to the
+    end is dropped. The reference change of the force is the `Swing` of the stroke's speed class, because slow strokes
+    never reach the friction of fast strokes. The change is limited to the swing of all strokes, because the friction of
+    fast strokes may still grow along the stroke. Neither speed nor force needs to be constant. Means are over bins of
+    equal position (``uses_window``).
     """
 
     speed_share: float = 0.8

@@ -126,7 +126,7 @@ class Column(Described):
         if "format" in said and not self.is_date:
             raise invalid("format", "signals.not-a-format", format=self.format, date_time=DATE_TIME)
         if "clock" in said and self.channel == "time":
-            raise wrong("clock", "the time cannot have a clock", rule="clock names the column of a channel's times")
+            raise wrong("clock", "channel time has no key clock", rule="clock names the column of a channel's times")
         return self
 
 

@@ -261,7 +261,7 @@ def speeds_differ(strokes: Sequence[Stroke]) -> bool:
 
 
 def _one_way_levels(strokes: list[Stroke]) -> Levels:
-    """Return speed classes of single directions, if the speed of one direction was set in steps.
+    """Return the speed classes of one direction, if its speed was set in steps.
 
     If several return strokes have the speed of the strokes before them, the return strokes join the classes of the
     strokes before. The result is empty if neither direction has steps.

@@ -212,9 +212,9 @@ class Edge:
     path : str
         Path of the present file in the workspace. Empty if the file is missing.
     state : str
-        ``"same"``, ``"changed"`` (the file has other content), ``"differs"`` (the run had other values than the file,
-        possibly set for the run), ``"missing"``, ``"named"`` (the result does not contain a hash), ``"unread"`` (too
-        large or not readable).
+        ``"same"``, ``"changed"`` (the file has other content), ``"differs"`` (values of the run, perhaps set for
+        the run, are not those of the file), ``"missing"``, ``"named"`` (the result does not contain a hash),
+        ``"unread"`` (too large or not readable).
     """
 
     kind: str

@@ -84,7 +84,7 @@ def read(key: str, given: object) -> Value:
 
 
 def parted(table: Keyed) -> tuple[Plain, dict[str, Value]]:
-    """Split a table into plain values, and values with their origin by dotted key.
+    """Return the plain values of a table, and a dict from dotted keys to the values that have an origin.
 
     Raises
     ------

@@ -594,4 +594,4 @@ def arranged(circuit: Circuit) -> tuple[dict[str, Block], list[Joint], Routes]:
         with suppress(NoWayError):
             return placed, joints, Routes(placed, joints)
     rule = f"a path for each line, with up to {SPREADS[-1]:g} times the usual distance between components"
-    raise CommandError(f"{circuit.name} cannot be drawn", rule=rule, remedy="Draw parts of the circuit.")
+    raise CommandError(f"{circuit.name} cannot be drawn", rule=rule, remedy="Divide the circuit; draw each section.")

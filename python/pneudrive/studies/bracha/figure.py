@@ -396,7 +396,7 @@ def _by_pressure(found: CampaignCharacteristics) -> list[AirShare]:
 
 
 def _shares(found: CampaignCharacteristics) -> list[Columns]:
-    """Return the force of the sensor and its parts from air and seal at the measured speeds, sorted by pressure."""
+    """Return the total force, and the forces of air and seal, at the measured speeds, sorted by pressure."""
     measured = {c.condition: c.measured for c in found.curves if c.direction == BOTH}
     names = ("speed_m_s", "total_n", "air_n", "seal_n")
     return [{name: getattr(s, name)[measured[s.condition]] for name in names} for s in _by_pressure(found)]

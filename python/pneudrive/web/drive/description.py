@@ -157,7 +157,7 @@ def edited_as_asked(text: str, key: str, value: Value, unit: str | None = None) 
 
 
 def fitting_parts(workspace: Workspace, path: str, text: str, table: str, family: str) -> Plain:
-    """List the catalogue parts of a family whose values fit a table of a text. Each part has a name and a title."""
+    """List the parts of a catalogue family that one table of a description accepts, each with name and title."""
     found = []
     for name, entry in entries().items():
         if entry.kind.startswith(f"{family}/"):

@@ -120,7 +120,7 @@ class RunRequest(PageRequest):
         return [line for line in lines if line.strip()] if isinstance(command, list) else command
 
     def with_path(self, path: str) -> RunRequest:
-        """Return the same request for another drive or circuit, without changes."""
+        """Return this request for another drive or circuit, without its edited text and its changes of values."""
         return self.model_copy(update={"path": path, "text": None, "changes": {}})
 
     def run(self, workspace: Workspace, described: Described, cancel: Flag) -> Run:

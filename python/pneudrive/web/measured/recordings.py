@@ -302,7 +302,7 @@ def shown_samples(workspace: Workspace, path: str, request: ViewRequest) -> byte
 
 
 def shown_strokes(workspace: Workspace, path: str) -> Plain:
-    """Return strokes and faults of a rig's or a drive's recording with a layout, or of a trajectory.
+    """Return the strokes and faults of a file: a recording that has a layout, or a trajectory.
 
     A stroke has start, end, direction and speed. A kind of fault has a count, and start and end of each occurrence.
     Without times, or with too many samples, both are empty and a note states the reason.
