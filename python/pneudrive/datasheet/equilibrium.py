@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
+from scipy.optimize import brentq
 
 from pneudrive import units
 from pneudrive.datasheet.plant import HeldDrive
@@ -144,7 +145,29 @@ def steady_gas(plant: HeldDrive, command: float, load: float | None) -> tuple[Ar
     try:
         return _settled(plant, command, SLOWEST, load)
     except SimulationError:  # near rest, friction that falls with speed leads away from the steady motion
-        return _settled(plant, command, START_M_S, load)
+        return _braked(plant, command, load) if command * load < 0.0 else _settled(plant, command, START_M_S, load)
+
+
+def _braked(plant: HeldDrive, command: float, load: float) -> tuple[Array, float]:
+    """Return the steady state under a load against the motion, at the highest speed at which the forces balance.
+
+    If friction falls with speed, the forces also balance at a lower speed, but this motion is unstable.
+    """
+    toward = math.copysign(1.0, command)
+
+    def excess(speed: float) -> float:
+        """Return the sum of the forces at an imposed speed, in the direction of the motion."""
+        gas, velocity = _settled(plant, command, speed, None)[0], toward * speed
+        force = plant.force(plant.session(command, plant.middle_m, velocity, gas).linearise([]))
+        return toward * (force + load - plant.sliding(velocity, plant.pressures(gas), plant.middle_m))
+
+    high = low = abs(_settled(plant, command, START_M_S, 0.0)[1])
+    while low > SLOWEST and excess(low) < 0.0:
+        high, low = low, 0.7 * low
+    speed = 0.0
+    if low > SLOWEST:
+        speed = float(np.asarray(brentq(excess, low, high, xtol=SLOWEST * SETTLED))) if low < high else high
+    return _settled(plant, command, speed, None)[0], toward * speed
 
 
 #: Core's form of a drive -> its speeds, which take 0.1 s to compute. The page needs them for each change of a gain.

@@ -48,6 +48,15 @@ def test_velocity_gain_is_that_of_choked_exhaust():
     assert pn.equilibrium(DRIVE, 0.2, load=-rest - 3.0).velocity_m_s < gain * (1.0 - 1e-5)
 
 
+@pytest.mark.parametrize(("load_n", "speed_m_s"), [(227.488, 0.521057), (232.179, 0.414715)])
+def test_friction_that_falls_with_speed_leaves_a_steady_speed_near_the_stall_force(load_n, speed_m_s):
+    drive = pn.Drive.load("catalogue:parker-osp-p25-mpye")
+    for way in (1.0, -1.0):
+        state = pn.equilibrium(drive, way, load=-way * load_n)
+        assert way * state.velocity_m_s == pytest.approx(speed_m_s, abs=2e-5)
+        assert way * state.load_n == pytest.approx(-load_n, abs=1e-6)
+
+
 def test_force_at_full_supply():
     found = pn.drive_characteristic(DRIVE, "force-speed", points=2)
     assert f"{float(found.blocked_force[0]):.3f} {float(found.stall_force[0]):.1f}" == "293.886 248.9"
