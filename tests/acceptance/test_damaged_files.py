@@ -157,7 +157,7 @@ def recording(path: Path) -> list[np.ndarray]:
 
 
 def proposal(path: Path) -> list[np.ndarray]:
-    return list(propose_layout(path).columns)
+    return list(propose_layout(path).file.values)
 
 
 def own(path: Path) -> list[np.ndarray]:
