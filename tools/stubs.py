@@ -87,7 +87,10 @@ def _fields(table: type[Described], body: list[ast.stmt]) -> Iterator[ast.stmt]:
         if isinstance(one, ast.FunctionDef) and one.name.startswith("_") and not one.name.startswith("__"):
             continue
         if isinstance(one, ast.AnnAssign) and isinstance(one.target, ast.Name) and one.target.id in table.model_fields:
-            kinds, optional = _parts(table.model_fields[one.target.id])
+            field = table.model_fields[one.target.id]
+            if not field.is_required():  # a table derived from this one, in another module, may leave the key out
+                one.value = ast.Constant(...)
+            kinds, optional = _parts(field)
             if optional and isinstance(kinds[0], type) and issubclass(kinds[0], Described):
                 one.annotation = ast.parse(f"{kinds[0].__name__} | _Any", mode="eval").body
         yield one

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from itertools import pairwise
 from typing import Any, TypeAlias, TypeVar
 
 import numpy as np
@@ -54,6 +55,18 @@ def attributes_of(record: object, *names: str) -> Plain:
 def rows_of(columns: Mapping[str, Array], rows: Bools | Ints | slice) -> Columns:
     """Return the selected rows of each column."""
     return {name: column[rows] for name, column in columns.items()}
+
+
+def groups_by(values: Sequence[float], is_apart: Callable[[float, float], bool]) -> list[slice]:
+    """Return the groups of ascending values as slices.
+
+    A value begins a new group if ``is_apart(lowest, value)``. ``lowest`` is the first value of the current group.
+    """
+    starts: list[int] = []
+    for i, value in enumerate(values):
+        if not starts or is_apart(values[starts[-1]], value):
+            starts.append(i)
+    return [slice(*ends) for ends in pairwise([*starts, len(values)])]
 
 
 def evenly(count: int, most: int) -> Ints:

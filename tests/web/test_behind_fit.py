@@ -13,6 +13,8 @@ import pneudrive as pn
 from pneudrive.campaign.planning.protocol import read_protocol
 from pneudrive.characterise import write_map
 from pneudrive.errors import FitError
+from pneudrive.figures import Line, Markers
+from pneudrive.identify.identified import FittedData, comparison_figure
 from pneudrive.identify.static.fit import fit_file
 from pneudrive.identify.static.result import FrictionFit, ellipses, with_map
 from web.client import get, post, run_line, run_python
@@ -35,6 +37,13 @@ def fitted(served: Served) -> Served:
 def panels_of(found: dict) -> dict[str, list[dict]]:
     """Return the panels of the figures of an answer, by the names of the figures."""
     return {one["name"]: one["figure"]["panels"] for one in found["view"]["figures"]}
+
+
+@pytest.mark.parametrize(("axis", "mark"), [("speed_m_s", Markers), ("time_s", Line)])
+def test_many_rows_of_a_map_are_points_and_many_samples_a_line(axis: str, mark: type) -> None:
+    values = np.linspace(1.0, 2.0, 300)
+    figure = comparison_figure({"all": FittedData(axis, "friction_n", values, values, values)})
+    assert all(isinstance(panel.marks[0], mark) for panel in figure.panels)
 
 
 def test_residuals_profiles_and_ellipses_are_those_of_the_fit(fitted: Served, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -39,6 +39,7 @@ DAMPED, SHORTER = 0.9, (1.0, 0.5, 0.2, 0.05)  # a step after which rates are not
 LEAST = 1e-13
 SLOWEST = 1e-5  # m/s: a piston that does not get faster rests
 START_M_S = 0.5  # m/s: another start of the search
+SLOWER = 0.7  # next speed over the last one in the search for a balance; finer than the range of falling friction
 HIGHEST = 50.0  # times the supply: no steady state has such a pressure
 
 
@@ -128,10 +129,15 @@ def steady_state(plant: HeldDrive, command: float, load: float | None = None) ->
     """Return a steady state at mid stroke; see `equilibrium`."""
     gas, velocity = steady_gas(plant, command, load)
     position = plant.middle_m
-    force = plant.force(plant.session(command, position, velocity, gas).linearise([]))
-    friction = plant.sliding(velocity, plant.pressures(gas), position) if velocity else 0.0
+    force, friction = _forces(plant, command, gas, velocity)
     (p_a, t_a), (p_b, t_b) = plant.chamber(gas, "a"), plant.chamber(gas, "b")
     return Equilibrium(command, position, velocity, p_a, p_b, t_a, t_b, force, friction, friction - force)
+
+
+def _forces(plant: HeldDrive, command: float, gas: Array, velocity: float) -> Pair:
+    """Return the force on the piston in +x without friction, and the sliding friction; see `Equilibrium`."""
+    force = plant.force(plant.session(command, plant.middle_m, velocity, gas).linearise([]))
+    return force, plant.sliding(velocity, plant.pressures(gas), plant.middle_m) if velocity else 0.0
 
 
 def steady_gas(plant: HeldDrive, command: float, load: float | None) -> tuple[Array, float]:
@@ -157,13 +163,13 @@ def _braked(plant: HeldDrive, command: float, load: float) -> tuple[Array, float
 
     def excess(speed: float) -> float:
         """Return the sum of the forces at an imposed speed, in the direction of the motion."""
-        gas, velocity = _settled(plant, command, speed, None)[0], toward * speed
-        force = plant.force(plant.session(command, plant.middle_m, velocity, gas).linearise([]))
-        return toward * (force + load - plant.sliding(velocity, plant.pressures(gas), plant.middle_m))
+        gas = _settled(plant, command, speed, None)[0]
+        force, friction = _forces(plant, command, gas, toward * speed)
+        return toward * (force + load - friction)
 
     high = low = abs(_settled(plant, command, START_M_S, 0.0)[1])
     while low > SLOWEST and excess(low) < 0.0:
-        high, low = low, 0.7 * low
+        high, low = low, SLOWER * low
     speed = 0.0
     if low > SLOWEST:
         speed = float(np.asarray(brentq(excess, low, high, xtol=SLOWEST * SETTLED))) if low < high else high

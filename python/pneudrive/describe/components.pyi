@@ -55,7 +55,7 @@ class Component(Described):
     fields: ClassVar[Mapping[str, str]]
     renamed: ClassVar[Mapping[str, str]]
     kind: str
-    at: tuple[float, float] | None
+    at: tuple[float, float] | None = ...
 
     @cached_property
     def origins(self) -> Mapping[str, sourced.Value]: ...

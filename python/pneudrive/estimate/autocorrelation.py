@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 
-from pneudrive.arrays import Array, Bools, Interval, Ints
+from pneudrive.arrays import Array, Bools, Interval, Ints, groups_by
 
 #: Number of values above which the autocorrelation is computed from block means, with fewer lags.
 MOST_VALUES = 400
@@ -59,18 +57,6 @@ def stderrs_of_means(rows: Array) -> Array:
 
 #: Relative difference below which two speeds count as one level.
 SAME_SPEED = 0.05
-
-
-def groups_by(values: Sequence[float], is_apart: Callable[[float, float], bool]) -> list[slice]:
-    """Return the groups of ascending values as slices.
-
-    A value begins a new group if ``is_apart(lowest, value)``. ``lowest`` is the first value of the current group.
-    """
-    starts: list[int] = []
-    for i, value in enumerate(values):
-        if not starts or is_apart(values[starts[-1]], value):
-            starts.append(i)
-    return [slice(*ends) for ends in pairwise([*starts, len(values)])]
 
 
 def distinct_levels(values: Array) -> list[Interval]:

@@ -138,7 +138,7 @@ def mean_profile(strokes_n: Array) -> Array:
 
 
 def known_mean(values: Array, axis: int) -> Array:
-    """Return the mean of the finite values; NaN, without a warning, if there are none."""
+    """Return the mean of the finite values. If all values are missing, the mean is NaN without a warning."""
     known = np.isfinite(values)
     count = known.sum(axis=axis)
     total = np.where(known, values, 0.0).sum(axis=axis)

@@ -29,9 +29,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import polars as pl
 
-from pneudrive.arrays import Array, Columns, Interval, NamedNumbers, Row, evenly
+from pneudrive.arrays import Array, Columns, Interval, NamedNumbers, Row, evenly, groups_by
 from pneudrive.errors import RecordingError
-from pneudrive.estimate.autocorrelation import groups_by
 from pneudrive.estimate.estimates import Estimate, changed, rms, student
 from pneudrive.files.inputs import INPUTS, stored_input
 from pneudrive.friction import level as reduction

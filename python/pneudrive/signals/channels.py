@@ -109,7 +109,7 @@ class ChannelFile:
         return max(self.table.count() - self.first, 0)
 
     def read(self, names: Sequence[str], rows: tuple[int, int]) -> tuple[Array, dict[str, Array]]:
-        """Return times in s (sample numbers if there is no time column), and values of columns in their units."""
+        """Return times in s, or sample numbers if the time column is missing, and values of columns in their units."""
         wanted = [*names, *([] if self.time is None else [self.time.column])]
         raw = self.table.get(wanted, (self.first + rows[0], self.first + rows[1]))
         by_name = {channel.column: channel for channel in self.channels}

@@ -38,7 +38,7 @@ class HeaderUnit:
     """Unit in the header of a foreign file.
 
     ``si`` is the SI unit of the quantity, or ``count``; it is empty for other quantities. ``unit`` is the unit as
-    written in layouts. ``gauge`` is None if a unit of pressure does not state gauge or absolute.
+    written in layouts. ``gauge`` stays None where a unit of pressure does not state gauge or absolute.
     """
 
     si: str

@@ -205,9 +205,6 @@ class GeometryTable(PistonTable):
     area_accuracy: Annotated[float | None, Percent(bounds=Bounds(at_least=0.0, below=100.0))] = None
 
 
-NO_GEOMETRY = GeometryTable.model_validate({})  # a file without the table
-
-
 class ChamberTable(Described):
     """``[chamber_a]``, ``[chamber_b]``: the pressure in a chamber that is not measured."""
 
@@ -267,7 +264,7 @@ class FileLayout(Described):
     skip_lines: Annotated[int, Whole(at_least=0, bound=None)] = 0
     skip_samples: Annotated[int, Whole(at_least=0, bound=None)] = 0
     columns: Columns = Columns()  # type: ignore[valid-type]
-    geometry: GeometryTable = NO_GEOMETRY
+    geometry: GeometryTable = GeometryTable()
     chamber_a: ChamberTable = ChamberTable()
     chamber_b: ChamberTable = ChamberTable()
     rig: RigTable = RigTable()
@@ -527,7 +524,7 @@ class Layout(Shown):
         if layout is not None and kind in list(KINDS):  # a [[for]] may replace an unknown kind
             for error in layout.problems(kind, is_part=is_part):
                 problems.add(error)
-            if kind == "rig" and not (is_part and layout.geometry == NO_GEOMETRY):
+            if kind == "rig" and not (is_part and layout.geometry == GeometryTable()):
                 problems.take(layout.geometry.areas)
         if is_part:  # another [[for]] may supply missing keys: only the layout of a file must be complete
             problems.found = {at: one for at, one in problems.found.items() if " is missing" not in one.what}

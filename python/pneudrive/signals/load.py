@@ -480,7 +480,7 @@ def recording_files(paths: Iterable[str | Path], layout: AnyLayout) -> list[Reco
 
 
 def recordings_in(folder: Path) -> list[Path]:
-    """Return the recordings in a folder, sorted by path. The list is empty if there is no layout, or for a campaign.
+    """Return the recordings in a folder, sorted by path. Without a layout, and for a campaign, the list is empty.
 
     Pictures, texts and tables of results are not recordings.
     """

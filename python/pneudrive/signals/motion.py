@@ -9,9 +9,8 @@ from itertools import pairwise
 import numpy as np
 
 from pneudrive import _core
-from pneudrive.arrays import Array, Bools, Ints, Pair
+from pneudrive.arrays import Array, Bools, Ints, Pair, groups_by
 from pneudrive.errors import RecordingError
-from pneudrive.estimate.autocorrelation import groups_by
 
 Levels = list[list["Stroke"]]  # strokes of one speed, slowest first
 

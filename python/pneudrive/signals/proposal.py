@@ -43,8 +43,8 @@ ASK_CHAMBER = "neither names nor forces show the chamber (chamber a grows with t
 class Guess:
     """Guessed column of a role: time, position, force, command, pressure, pressure_a or pressure_b.
 
-    ``source`` is None for a time from a sample rate. ``gauge`` is None for a pressure without gauge or absolute.
-    ``keys`` are further keys of the column in the layout.
+    A time that follows from a sample rate has the ``source`` None. A pressure without the word gauge or absolute has
+    the ``gauge`` None. ``keys`` are further keys of the column in the layout.
     """
 
     role: str
@@ -569,8 +569,8 @@ class Proposal:
     """A proposed layout, and the data read with it, for a figure.
 
     ``kind`` is the kind of recording: a ``rig``, a ``drive``, a ``fixed-volume``. ``file`` has the raw numbers of every
-    column. ``recording`` and ``strokes`` are the file as read by the layout. For other kinds and unreadable files, they
-    are None and an empty list, and ``problem`` states the reason. ``unused`` has the columns of numbers that the layout
+    column. ``recording`` and ``strokes`` are the file as read by the layout. Other kinds and unreadable files have
+    neither; ``problem`` then states the reason. ``unused`` has the columns of numbers that the layout
     does not use.
     """
 

@@ -119,11 +119,11 @@ def test_from_files_on_the_command_line(tmp_path, printed, refusal):
     rows = zip(columns["time_s"], columns["pressure_pa"] / 1e5 - 1.013, 10 * columns["command"], strict=True)
     (tmp_path / "fill.csv").write_text("\n".join(";".join(f"{v:.6f}" for v in row).replace(".", ",") for row in rows))
     (tmp_path / "layout.toml").write_text(LAYOUT)
-    (tmp_path / "tank.toml").write_text(
+    (tmp_path / "tank.txt").write_text(  # the tables decide what a file describes, not its suffix
         'name = "bottle"\n[volume]\nvalue = "2 dm3"\n[line]\nconductance = "0.4 dm3/(s bar)"\n'
         "critical_pressure_ratio = 0.25\n"
     )
-    call = ["identify", str(tmp_path / "tank.toml"), str(tmp_path / "fill.csv")]
+    call = ["identify", str(tmp_path / "tank.txt"), str(tmp_path / "fill.csv")]
     said = printed([*call, "--out", tmp_path / "fit.toml"])
     assert "line.conductance" in said
     assert "dm3/(s bar)" in said
@@ -131,8 +131,11 @@ def test_from_files_on_the_command_line(tmp_path, printed, refusal):
     assert run(["apply", str(tmp_path / "fit.toml"), "--out", str(tmp_path / "after.toml")]) == 0
     found, after = read_fit(tmp_path / "fit.toml"), pn.Tank.load(tmp_path / "after.toml")
     assert after.line.conductance_m3_s_pa == pytest.approx(found.values["line.conductance"], rel=1e-12)
-    assert after == found.apply(pn.Tank.load(tmp_path / "tank.toml"))
+    assert after == found.apply(pn.Tank.load(tmp_path / "tank.txt"))
     refusal([*call, "--free", "line.conductence"], "Did you mean 'line.conductance'")
+    refusal(["identify", "a" * 300, tmp_path / "fill.csv"], "there is no file aaa")
+    (tmp_path / "stray.toml").write_text('regulator = 3\n[volume]\nvalue = "2 dm3"\n')
+    refusal(["identify", tmp_path / "stray.toml", tmp_path / "fill.csv"], "regulator is not a known key")
     refusal(["characterise", tmp_path / "fill.csv", "--out", tmp_path / "out"], "fixed volume")
 
 

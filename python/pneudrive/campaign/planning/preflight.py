@@ -182,7 +182,7 @@ def check(plan: Plan) -> tuple[str, ...]:
         lines.append(f"{limit}: cycle {key}: {text} ({_cycles(counts[limit])})")
         remedies.append(remedy)
     raise ProtocolError(
-        f'the rig "{plan.identity.name}" cannot run this protocol:  '
+        f'the rig "{plan.identity.name}" cannot run this protocol: '
         f"{count} of {_cycles(len(plan.cycles))} {'breaks' if count == 1 else 'break'} limits of the rig",
         where=plan.protocol.origin,
         value="\n    ".join(lines),

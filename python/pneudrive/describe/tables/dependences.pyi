@@ -33,8 +33,8 @@ class Acting(Described):
 
 class SealPressure(Acting):
     table_name: ClassVar[str]
-    coulomb_n_pa: PerChamber
-    breakaway_n_pa: PerChamber
+    coulomb_n_pa: PerChamber = ...
+    breakaway_n_pa: PerChamber = ...
 
     @property
     def coulomb(self) -> _PerChamber: ...
@@ -49,9 +49,9 @@ class Dwell(Acting):
     growth: Literal["saturating", "log", "hyperbolic"]
     increment_n: float
     time_s: Duration
-    exponent: float
+    exponent: float = ...
     distance_m: Length
-    pressure_per_pa: PerChamber
+    pressure_per_pa: PerChamber = ...
 
     @property
     def increment(self) -> _UnitFloat: ...
@@ -88,7 +88,7 @@ class Harmonic(Acting):
     table_name: ClassVar[str]
     period_m: Length
     amplitude: float
-    phase_rad: float
+    phase_rad: float = ...
 
     @property
     def period(self) -> _UnitFloat: ...
@@ -107,10 +107,10 @@ class PositionPoint(Acting):
 
 class PositionDependence(Acting):
     table_name: ClassVar[str]
-    points: tuple[PositionPoint, ...]
-    harmonics: tuple[Harmonic, ...]
-    slope_per_m: float
-    reference_m: Position
+    points: tuple[PositionPoint, ...] = ...
+    harmonics: tuple[Harmonic, ...] = ...
+    slope_per_m: float = ...
+    reference_m: Position = ...
 
     def core(self) -> Plain: ...
     @classmethod
@@ -132,8 +132,8 @@ class PositionDependence(Acting):
 
 class DirectionDependence(Acting):
     table_name: ClassVar[str]
-    positive: _Factor
-    negative: _Factor
+    positive: _Factor = ...
+    negative: _Factor = ...
 
     def __init__(self, *, positive: _Given = ..., negative: _Given = ...) -> None: ...
 
@@ -149,10 +149,10 @@ class SideLoad(Acting):
 class TemperatureDependence(Acting):
     table_name: ClassVar[str]
     reference_k: marks.Temperature
-    viscous_per_k: float
-    levels_per_k: float
-    resistance_k_w: float
-    time_s: Duration
+    viscous_per_k: float = ...
+    levels_per_k: float = ...
+    resistance_k_w: float = ...
+    time_s: Duration = ...
 
     @property
     def reference(self) -> _UnitFloat: ...
@@ -176,10 +176,10 @@ class TemperatureDependence(Acting):
 
 class Wear(Acting):
     table_name: ClassVar[str]
-    run_in: float
-    run_in_distance_m: Length
-    rate_per_m: float
-    slid_m: float
+    run_in: float = ...
+    run_in_distance_m: Length = ...
+    rate_per_m: float = ...
+    slid_m: float = ...
 
     @property
     def run_in_distance(self) -> _UnitFloat: ...

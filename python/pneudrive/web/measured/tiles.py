@@ -126,8 +126,8 @@ class Pyramid:
     ) -> tuple[Array, Columns, Plain]:
         """Return a view of at most two values for each pixel and channel, or the samples if they are fewer.
 
-        The view has times, values by channel, and a table. The table has the number of ``samples`` in the view, the
-        number of ``missing`` values, and ``raw`` (whether the values are the samples themselves). NaN marks a gap.
+        The view has times, values by channel, and a table. ``samples`` and ``missing`` in the table are the numbers of
+        samples and of missing values. ``raw`` is true if the values are the samples themselves. NaN marks a gap.
 
         Parameters
         ----------
